@@ -28,9 +28,9 @@ pub(crate) struct Access {
 pub(crate) enum Page {
     /// The request comes from no page (a plain client) or from a page that this service serves.
     Own,
-    /// The page has another origin, which a setting of the service allows to read answers.
+    /// The page has another origin, and a setting of the service allows this origin to read answers.
     Allowed(HeaderValue),
-    /// The page has another origin, which no setting allows to read answers.
+    /// The page has another origin, and no setting of the service allows this origin to read answers.
     Foreign,
 }
 
@@ -74,10 +74,10 @@ impl Access {
         let mut fields = request.headers().get_all(header::HOST).iter();
         let field = fields.next();
         if fields.next().is_some() {
-            return Err(bad("found more than one Host, expected one"));
+            return Err(bad("found more than one header Host, expected one"));
         }
         if field.is_none() && request.version() == Version::HTTP_11 {
-            return Err(bad("found no Host, expected one in a request of HTTP/1.1"));
+            return Err(bad("found no header Host, expected one in a request of HTTP/1.1"));
         }
         let field =
             field.map(|value| value.to_str().map_err(|_| bad("Host: expected a host name, with or without a port")));
@@ -92,7 +92,7 @@ impl Access {
             return match request.version() {
                 Version::HTTP_10 if !self.loopback && self.names.is_empty() => Ok(None),
                 Version::HTTP_10 => Err(self.misdirected("no host")),
-                _ => Err(bad("found neither :authority nor Host, expected one of them")),
+                _ => Err(bad("found neither :authority nor a header Host, expected one of them")),
             };
         };
         let (host, _) = split(named).ok_or_else(|| {

@@ -32,7 +32,7 @@ struct Record {
     action: String,
     /// Id of the key, material or other object that the act concerned.
     subject: Option<String>,
-    /// Further facts about the act, in words.
+    /// Further information on the recorded act, as text.
     detail: Option<String>,
     /// Network address of the client; of an IPv6 address its first 64 bits.
     address: Option<String>,
@@ -79,7 +79,7 @@ async fn list_audit(app: App, caller: Caller, Query(query): Query<ListQuery>) ->
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let tenant = tenant_of(&caller, query.tenant.as_deref(), |detail| Problem::new(Kind::BadQuery, detail))?;
     if query.unowned && !caller.is_operator() {
-        let detail = "unowned: acts that belong to no tenant need the scope `instance`";
+        let detail = "unowned: to list acts that belong to no tenant, the caller needs the scope `instance`";
         return Err(Problem::new(Kind::MissingScope, detail));
     }
     let owner = (!query.unowned).then_some(&tenant);

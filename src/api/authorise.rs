@@ -96,7 +96,8 @@ pub(crate) async fn authorise<F: Future<Output = Response>>(
     }
 }
 
-/// Returns the record of a request for the audit trail; `None` if requests for its route are not recorded here.
+/// Returns the audit-trail record of a request; `None` if requests for its route are not recorded, or if their handler
+/// records them itself.
 fn act(parts: &Parts) -> Option<Act> {
     let action = needs::act(parts.method.as_str(), Route::of(&parts.extensions)?)?;
     let last = parts.uri.path().rsplit('/').next().filter(|_| parts.method != Method::POST);
@@ -110,7 +111,7 @@ async fn record(app: &App, headers: &HeaderMap, act: Act) {
     let made = headers.get(header::LOCATION).and_then(|value| value.to_str().ok()?.rsplit('/').next());
     let subject = made.map(str::to_owned).or(act.subject);
     if let Err(error) = app.engine.archive.catalog.record(&Act { subject, ..act }).await {
-        tracing::warn!(%error, "an act was not recorded");
+        tracing::warn!(%error, "an act was not recorded in the audit trail");
     }
 }
 
@@ -131,7 +132,8 @@ async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
     }
     let Some(path) = Route::of(&parts.extensions) else { return Ok(None) };
     let Some(need) = needs::need(parts.method.as_str(), path) else {
-        let detail = format!("{} is not for this resource; see Allow", parts.method);
+        let detail =
+            format!("the method {} is not for this resource, expected one of those in the header Allow", parts.method);
         return Err(Problem::new(Kind::MethodNotAllowed, detail).with(header::ALLOW, &needs::methods(path)));
     };
     if need == Need::Public {
@@ -189,8 +191,10 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
         if !grant.allows(carried_out(parts), parts.uri.path()) {
             let methods = grant.methods;
             let detail = match grant.reach {
-                Reach::All => format!("the token is for {methods}, expected one of these methods"),
-                Reach::One(id) => format!("the token is for {methods} at /v1/materials/{id} and below, expected these"),
+                Reach::All => format!("the token allows only {methods}, expected a request with such a method"),
+                Reach::One(id) => {
+                    format!("the token allows only {methods} at /v1/materials/{id} and below, expected such a request")
+                }
             };
             return Err(Problem::new(Kind::MissingScope, detail));
         }
@@ -209,7 +213,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
     Ok(Shown { actor: Actor::Key(key.id()), tenant, scopes, reach: Reach::All, until })
 }
 
-/// Returns the rights that the signed link in a request gives.
+/// Verifies the signed link of a request. Returns the rights that the link gives.
 async fn by_link(app: &App, parts: &Parts, query: &str) -> Result<Shown, Problem> {
     let now = unix_seconds();
     let link = Link::read(parts.uri.path(), query, now);
@@ -217,7 +221,7 @@ async fn by_link(app: &App, parts: &Parts, query: &str) -> Result<Shown, Problem
     let verify = |facts: &trust::KeyFacts| link.verify(facts, now);
     let (grant, rights) = signed(app, parts, link.key(), verify).await?;
     if !grant.allows(parts.method.as_str(), parts.uri.path()) {
-        return Err(Problem::new(Kind::MissingScope, "the link is for GET, expected such a request"));
+        return Err(Problem::new(Kind::MissingScope, "the signed link allows only GET, expected a GET request"));
     }
     Ok(Shown::granted(Actor::Link(grant.key), grant, &rights))
 }
@@ -263,7 +267,8 @@ async fn rights(
         }
         Verdict::Unasked => Err(refused(app, parts, wrong)),
         Verdict::Late => {
-            Err(Problem::new(Kind::Unavailable, "keys of earlier requests from this address are still being looked up"))
+            let detail = "the key was not checked, as keys from this address are still being looked up; try again soon";
+            Err(Problem::new(Kind::Unavailable, detail))
         }
         Verdict::Full(full) => Err(full.into()),
     }
@@ -296,7 +301,7 @@ fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
         let caller = Caller::new(Tenant::nobody(), Scopes::none(), Actor::Anonymous, &parts.extensions);
         let (subject, reason) = (reason.key().map_or_else(|| "none".to_owned(), |id| id.to_string()), reason.text());
         let then = counted.wait.map(|wait| format!("; refused with 429 for {} s", wait.as_secs() + 1));
-        let others = (left_out > 0).then(|| format!("; {left_out} others were not recorded before"));
+        let others = (left_out > 0).then(|| format!("; {left_out} earlier wrong keys were not recorded"));
         let detail = Some(format!("{reason}{}{}", then.unwrap_or_default(), others.unwrap_or_default()));
         tracing::warn!(%peer, key = subject, reason, "a key was refused");
         // The wrong key may be anybody's, so that the record belongs to no tenant.
@@ -304,7 +309,7 @@ fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
         let catalog = app.engine.archive.catalog.clone();
         tokio::spawn(async move {
             if let Err(error) = catalog.record(&act).await {
-                tracing::warn!(%error, "a refused key was not recorded");
+                tracing::warn!(%error, "the refusal of a key was not recorded in the audit trail");
             }
         });
     }

@@ -15,11 +15,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// Caller of a request. The layer [`authorise`](super::authorise) puts it into every request with a route.
 #[derive(Clone, Debug)]
 pub(crate) struct Caller {
-    /// Tenant whose rows the request sees and changes.
+    /// Tenant whose stored data (materials, measurements, jobs, keys) the request sees and changes.
     pub(crate) tenant: Tenant,
     /// Scopes of the caller: what it may do.
     pub(crate) scopes: Scopes,
-    /// Way in which the caller has shown who it is.
+    /// Way in which the caller has identified itself: by key, token or link, or not at all.
     pub(crate) actor: Actor,
     /// Materials to which the token or link of the caller is limited; the path of the request was checked against them.
     pub(crate) reach: Reach,
@@ -29,7 +29,7 @@ pub(crate) struct Caller {
     request: Option<RequestId>,
 }
 
-/// Way in which a caller has shown who it is.
+/// Way in which the caller of a request has identified itself: by key, token or link, or not at all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Actor {
     /// The service runs without keys, and everybody who reaches it may do everything.
@@ -92,7 +92,8 @@ impl Caller {
         Client { tenant, ..self.peer.into() }
     }
 
-    /// Builds the record of an act of this caller on the row `subject`.
+    /// Builds the audit-trail record of an act of this caller. `subject` is the id of the object that the act
+    /// concerned.
     pub(crate) fn act(&self, action: &'static str, subject: impl fmt::Display) -> Act {
         Act {
             tenant: Some(self.tenant.clone()),

@@ -162,7 +162,8 @@ impl Asked {
     ) -> Result<Self, Problem> {
         let illuminant = named("illuminant", illuminant)?;
         if let (Named::Standard(light), Some(_)) = (&illuminant, &column) {
-            let detail = format!("illuminant_column: {light} is no table, expected the id of one as illuminant");
+            let detail =
+                format!("illuminant_column: {light} has no columns, expected the id of a stored table as illuminant");
             return Err(Problem::new(Kind::BadQuery, detail));
         }
         Ok(Self { illuminant, column, observer: named("observer", observer)? })

@@ -82,7 +82,7 @@ impl Entrance {
     }
 }
 
-/// Front of the service and limits that all connections of a listener share.
+/// Request handlers of the service, and limits that all connections of a listener share.
 pub(crate) struct Host {
     front: Front,
     /// TLS handshake that begins each connection; `None` serves plain HTTP.
@@ -136,7 +136,7 @@ impl Host {
             Admission::Ordinary(_place) => self.converse(stream, peer, None).await,
             Admission::Reserve(_place, full) => {
                 let brief = tokio::time::timeout(RESERVE_LIFE, self.converse(stream, peer, Some(full))).await;
-                brief.unwrap_or(Err("the time of a connection of the reserve is over".to_owned()))
+                brief.unwrap_or(Err("a connection reserved for health checks was open for too long".to_owned()))
             }
         };
         if let Err(reason) = ended {
@@ -179,12 +179,14 @@ impl Host {
         made.inspect_err(|_| metrics::counter!("wavelume_handshakes_failed_total").increment(1))
     }
 
-    /// Waits for a step at the beginning of a connection, within the time `first_bytes` and while the service runs.
+    /// Waits for a step at the beginning of a connection, such as the TLS handshake. Fails after the time
+    /// `first_bytes`, or if the service stops meanwhile.
     async fn opening<T>(&self, step: impl Future<Output = std::io::Result<T>>) -> Result<T, String> {
         tokio::select! {
             () = self.stop.cancelled() => Err("the service stops".to_owned()),
             ended = tokio::time::timeout(self.first_bytes, step) => {
-                ended.map_err(|_| "the first bytes did not come in time".to_owned())?.map_err(|e| e.to_string())
+                let late = "the TLS handshake or the first bytes of the connection did not come in time";
+                ended.map_err(|_| late.to_owned())?.map_err(|e| e.to_string())
             }
         }
     }
@@ -202,13 +204,13 @@ impl Host {
         loop {
             let close = tokio::select! {
                 ended = connection.as_mut() => return ended.map_err(|error| error.to_string()),
-                () = self.cut.cancelled() => return Err("the drain time is over".to_owned()),
+                () = self.cut.cancelled() => return Err("the service stopped before the requests had ended".to_owned()),
                 () = self.stop.cancelled(), if !closing => true,
                 _ = ticks.tick() => match traffic.silence(self.idle, Instant::now()) {
-                    Some(Silence::Unread) => return Err("the client does not take its answer".to_owned()),
+                    Some(Silence::Unread) => return Err("the client did not read its answer for too long".to_owned()),
                     // The client had time to read the remaining answer and to close.
                     Some(Silence::Idle) if closing && traffic.silence(2 * self.idle, Instant::now()).is_some() => {
-                        return Err("the client is silent".to_owned());
+                        return Err("the client did not close the connection in time".to_owned());
                     }
                     Some(Silence::Idle) => !closing,
                     None => once && !closing && traffic.begun() > 0,

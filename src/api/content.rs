@@ -125,7 +125,7 @@ async fn answer(
     Ok(labels.response(size, asked, body))
 }
 
-/// Response headers common to all answers with one blob: entity tag, media type and file name.
+/// Response headers common to all answers that concern one stored blob: entity tag, media type and file name.
 #[derive(Clone, Debug)]
 struct Labels {
     etag: HeaderValue,
@@ -155,7 +155,8 @@ impl Labels {
                 Err(Problem::new(Kind::RangeNotSatisfiable, detail))
             }
             Part::None => {
-                let problem = Problem::new(Kind::RangeNotSatisfiable, format!("the content has {size} bytes"));
+                let detail = format!("the content has {size} bytes, none of them in the requested range");
+                let problem = Problem::new(Kind::RangeNotSatisfiable, detail);
                 Err(problem.with(header::CONTENT_RANGE, &format!("bytes */{size}")))
             }
         }
@@ -208,7 +209,7 @@ enum Part {
     Whole,
     Some(Range<u64>),
     None,
-    /// More ranges than are read; holds their number.
+    /// The header `Range` names more than [`MOST_RANGES`] ranges, so that the request is refused. Holds their number.
     TooMany(usize),
 }
 

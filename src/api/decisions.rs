@@ -117,7 +117,8 @@ impl Decisions {
         }
     }
 
-    /// Asks the database about a key, and judges it by what is found.
+    /// Looks up an access key in the database. Returns that it is wrong if there is no key `id` or its secret does not
+    /// have the hash `hash`, otherwise the rights of the key.
     pub(crate) async fn look_up(
         &self,
         catalog: &Catalog,
@@ -133,7 +134,7 @@ impl Decisions {
             let catalog = catalog.clone();
             tokio::spawn(async move {
                 if let Err(error) = catalog.note_use(id).await {
-                    tracing::warn!(%error, key = %id, "the use of a key was not recorded");
+                    tracing::warn!(%error, key = %id, "the time of the last use of a key was not recorded");
                 }
             });
         }
@@ -240,7 +241,8 @@ impl Rights {
         self.expires_ms.map(|ms| ms.max(0) as u64 / 1000)
     }
 
-    /// Returns the facts by which tokens and links of the key are verified; `None` if the key signs nothing.
+    /// Returns the data of an access key by which tokens and links made from it are verified: scopes, verifier, end and
+    /// revocation. `None` if no token or link can be made from the key.
     pub(crate) fn facts(&self) -> Option<KeyFacts> {
         Some(KeyFacts {
             scopes: self.scopes,

@@ -17,7 +17,7 @@ pub(crate) fn raise_descriptor_limit() {
         return;
     }
     if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, maximum: limit.maximum }) {
-        tracing::warn!(%error, limit = limit.current, "the limit on descriptors was not raised");
+        tracing::warn!(%error, limit = limit.current, "the soft limit on open file descriptors could not be raised");
     }
 }
 
@@ -26,7 +26,8 @@ pub(crate) fn limit() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Judges the hard limit on file descriptors of this process, to which `serve` raises its soft one.
+/// Checks that the hard limit on open file descriptors of this process suffices for the set limits on connections and
+/// requests. `serve` raises the soft limit to the hard one.
 pub(crate) fn descriptors_found(limits: &Limits) -> Finding {
     const CHECK: &str = "local descriptors";
     let count = |number: usize| number as u64;
@@ -36,7 +37,9 @@ pub(crate) fn descriptors_found(limits: &Limits) -> Finding {
         Some(limit) if limit >= needed => Finding::ok(CHECK, format!("{limit} allowed, {needed} needed")),
         Some(limit) => Finding::warning(
             CHECK,
-            format!("{limit} allowed, {needed} needed: serve lowers its limits of connections and requests"),
+            format!(
+                "{limit} descriptors allowed, {needed} needed: serve lowers the limits on connections and requests"
+            ),
             "raise the hard limit with `ulimit -Hn` or LimitNOFILE, if this process has the limit of the service",
         ),
     }
@@ -61,7 +64,8 @@ pub(crate) fn fit(limits: &mut Limits, descriptors: u64) {
         descriptors,
         connections,
         requests,
-        "the limit on descriptors leaves fewer places than set: raise it with `ulimit -n` or LimitNOFILE"
+        "the limit on open file descriptors lowers the limits on connections and requests: raise it with `ulimit -n` \
+         or LimitNOFILE"
     );
     limits.connections = connections;
     limits.requests = requests;

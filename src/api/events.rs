@@ -55,7 +55,7 @@ pub(super) async fn get_job_events(
 /// Makes an event with JSON data. `None`, which ends the stream, if the data cannot be written; the log has the reason.
 fn written(name: &str, data: impl Serialize) -> Option<Event> {
     let event = Event::default().event(name).json_data(data);
-    event.map_err(|error| tracing::error!(%error, event = name, "an event was not written")).ok()
+    event.map_err(|error| tracing::error!(%error, event = name, "an event of a job's stream could not be written")).ok()
 }
 
 async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>)> {

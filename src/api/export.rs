@@ -119,7 +119,8 @@ async fn export(
 fn unknown(name: &str) -> Problem {
     let shown: String = name.chars().take(40).collect();
     let names: Vec<&str> = ExportFormat::ALL.iter().map(|format| format.name()).collect();
-    let detail = format!("format: `{shown}` is not written, expected manifest, {}", names.join(", "));
+    let detail =
+        format!("format: `{shown}` is no format that can be written, expected one of manifest, {}", names.join(", "));
     Problem::new(Kind::NotAvailable, detail)
 }
 

@@ -164,7 +164,7 @@ pub(crate) fn word<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<
         0 => Ok(None),
         1..=LONGEST_WORD => Ok(Some(text)),
         length => {
-            let message = format!("found {length} characters, expected at most {LONGEST_WORD}");
+            let message = format!("found a text of {length} characters to filter by, expected at most {LONGEST_WORD}");
             Err(serde::de::Error::custom(message))
         }
     }
@@ -241,7 +241,9 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
         Ok(())
     };
     let received = tokio::time::timeout(limits.upload_time, whole).await.unwrap_or_else(|_| {
-        Err(Problem::new(Kind::TooSlow, format!("a body may take {:?}; send it in parts", limits.upload_time)))
+        let most = limits.upload_time;
+        let detail = format!("the request body took longer than the limit of {most:?}; send it in parts");
+        Err(Problem::new(Kind::TooSlow, detail))
     });
     if let Err(problem) = received {
         drop((bytes, share));
@@ -295,7 +297,7 @@ fn check_json(headers: &HeaderMap) -> Result<(), Problem> {
 }
 
 fn too_large(limit: usize) -> Problem {
-    Problem::new(Kind::TooLarge, format!("a JSON body may have {limit} bytes"))
+    Problem::new(Kind::TooLarge, format!("the JSON request body is longer than the limit of {limit} bytes"))
 }
 
 /// Reads and discards the rest of a refused request: most clients read the answer only after sending a good part of

@@ -85,7 +85,7 @@ pub(super) fn recorder() -> Option<PrometheusHandle> {
     RECORDER.get_or_init(install).clone()
 }
 
-/// Answers with the metrics of the process; empty without a recorder.
+/// Builds the HTTP answer that shows the metrics of the process as text; empty if the process records no metrics.
 pub(super) fn page(recorder: Option<&PrometheusHandle>) -> Response {
     let text = recorder.map(|recorder| {
         recorder.run_upkeep();
@@ -116,7 +116,7 @@ pub(crate) async fn show_figures(listen: SocketAddr) -> std::io::Result<(SocketA
     let serving = tokio::spawn(async move {
         let serving = async {
             if let Err(error) = axum::serve(listener, router).await {
-                tracing::error!(%error, "metrics are not served any more");
+                tracing::error!(%error, "the server of the metrics has failed: /metrics is not served any more");
             }
         };
         // Durations must not pile up while nobody asks for them.

@@ -16,13 +16,13 @@ pub struct BootstrapKey(Arc<Key>);
 #[error("{0}; `wavelume keys generate` prints one")]
 pub struct NotAKey(String);
 
-/// Failure to store the first key.
+/// Failure to store the first access key of a service.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum FirstKeyError {
     /// No key pair for signatures can be derived from the access key.
     #[error(transparent)]
     Signer(#[from] NoSigner),
-    /// The catalog cannot be used.
+    /// The catalog, the database of the service, cannot be used.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
 }

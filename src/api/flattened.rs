@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use utoipa::openapi::schema::{AdditionalProperties, AllOf, Object, Schema};
 use utoipa::openapi::{Components, OpenApi, RefOr};
 
-/// Upper bound on the depth of nested parts that are merged when an OpenAPI `allOf` schema becomes one object schema.
-/// It ends the merging of a schema that contains itself. Raising it merges parts that are nested more deeply.
+/// Upper bound on how deeply `allOf` schemas nested in one another are merged into one OpenAPI object schema. The bound
+/// ends the merging of a schema that contains itself. Raising it merges more deeply nested schemas.
 const DEEPEST: usize = 8;
 
 /// Replaces every OpenAPI schema that combines several objects (`allOf`) by one object with the properties of all. The

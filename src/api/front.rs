@@ -12,8 +12,8 @@ use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use tower::ServiceExt;
 
-/// The handlers with the steps around them. The steps are calls, not layers of axum: for each request, a layer there
-/// copies all that is below it and allocates its future.
+/// Request handlers of the service, with the steps that every request passes before its handler. The steps are calls,
+/// not layers of axum: for each request, a layer there copies all that is below it and allocates its future.
 #[derive(Clone)]
 pub(crate) struct Front {
     app: App,

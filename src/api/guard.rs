@@ -10,7 +10,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Rule by which a service decides who may use it.
+/// Rule by which a service admits requests: from everybody, or only with an access key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AuthMode {
     /// Everybody who reaches the service may do everything; meant for a loopback address.
@@ -36,7 +36,7 @@ impl fmt::Display for AuthMode {
 /// are admitted or refused.
 #[derive(Debug)]
 pub(crate) struct Guard {
-    /// Rule by which the service decides who may use it.
+    /// Rule by which the service admits requests: from everybody, or only with an access key.
     pub(crate) mode: AuthMode,
     /// True if a service without keys may be reached from other machines and through proxies.
     pub(crate) is_insecure: bool,
@@ -44,7 +44,7 @@ pub(crate) struct Guard {
     pub(crate) decisions: Decisions,
     /// Counts of the wrong keys that each client address has sent.
     pub(crate) guesses: Arc<Guesses>,
-    /// Counter of requests that are being refused, or whose key this process does not know yet.
+    /// Pool of permits for requests that are being refused, or whose key this process does not know yet.
     strangers: Places,
 }
 
@@ -73,7 +73,7 @@ impl Guard {
         Arc::new(Self { mode, is_insecure, decisions: Decisions::default(), guesses, strangers })
     }
 
-    /// Takes a permit for a request without a key that this process knows.
+    /// Takes a permit for a request that is being refused, or whose key this process does not know.
     pub(crate) fn stranger(&self, peer: Peer) -> Result<Place, Full> {
         self.strangers.take(peer, 1)
     }
@@ -117,8 +117,8 @@ mod tests {
     use metrics_exporter_prometheus::PrometheusBuilder;
     use std::time::Instant;
 
-    /// Judges all keys at once, as requests of one address; returns the numbers of right and wrong ones and of those
-    /// without a look-up.
+    /// Judges the access keys `keys` at once, as requests of one client address would. Returns how many are right, how
+    /// many wrong, and how many are not looked up because the address has sent too many wrong ones.
     async fn judged(guard: &Guard, catalog: &Catalog, peer: Peer, keys: &[Key]) -> [usize; 3] {
         let judged = futures::future::join_all(keys.iter().map(async |key| {
             match guard.judge(catalog, peer, key.id(), Some(key.secret().hash())).await.unwrap() {

@@ -61,22 +61,23 @@ struct Window {
     recorded: Option<Instant>,
     /// Number of look-ups of keys in the database that are under way for one client address.
     asking: u32,
-    /// Signal to requests of one client address that wait for the end of a look-up of a key.
+    /// Signal that wakes the waiting requests of one client address: a look-up of a key for this address has ended.
     ended: Arc<Notify>,
 }
 
 /// Outcome of counting a wrong key against its client address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Counted {
-    /// Number of wrong keys left out of the audit trail before this one, which its record states; `None` if this one is
-    /// left out, too.
+    /// Number of wrong keys left out of the audit trail since its last record of one. The record of the key just
+    /// counted states this number; `None` if this key is left out, too.
     pub(crate) recorded: Option<u64>,
-    /// Time for which the address is refused from now on, if it has sent as many wrong keys as it may.
+    /// Time for which unknown keys from the client address are refused from now on; `None` if the address has sent
+    /// fewer wrong keys than it may.
     pub(crate) wait: Option<Duration>,
 }
 
-/// Permit of a client address to look up a key that this process does not know; dropping the permit returns it. Count
-/// the key before that, if it was wrong.
+/// Permit of a client address to look up a key that this process does not know; dropping the permit returns it. A wrong
+/// key is to be counted before the permit is dropped.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Turn {
@@ -103,7 +104,8 @@ impl Guesses {
         Arc::new(Self { most, state: Mutex::default() })
     }
 
-    /// Returns the time for which an address must wait because it has sent too many wrong keys.
+    /// Returns the time for which a client address must wait before the service looks up unknown keys from it again;
+    /// `None` if it has not sent too many wrong keys.
     pub(crate) fn wait(&self, peer: Peer, now: Instant) -> Option<Duration> {
         self.state().by.get(&peer)?.wait(self.most, now)
     }
@@ -164,7 +166,7 @@ impl Guesses {
 }
 
 impl State {
-    /// Returns the counts of wrong keys of a client address in its current minute.
+    /// Returns the counts of wrong keys that a client address has sent in its current minute.
     fn window(&mut self, peer: Peer, now: Instant) -> &mut Window {
         if self.by.len() >= ADDRESSES && !self.by.contains_key(&peer) {
             if self.searched.is_none_or(|searched| now >= searched + SEARCHED) {
@@ -191,7 +193,8 @@ impl State {
 }
 
 impl Window {
-    /// Returns the time for which the address must wait because it has sent `most` wrong keys.
+    /// Returns the time for which a client address must wait before the service looks up unknown keys from it again;
+    /// `None` if it has sent fewer than `most` wrong keys within the minute.
     fn wait(&self, most: u32, now: Instant) -> Option<Duration> {
         let left = (self.since + WINDOW).checked_duration_since(now).filter(|left| !left.is_zero());
         left.filter(|_| self.wrong >= most)

@@ -116,7 +116,8 @@ pub(super) fn absent(id: &str) -> Problem {
     Problem::new(Kind::NotFound, format!("there is no job {id}"))
 }
 
-/// Waits until `changes` announces that the job with the given id may have changed, at most for [`LOOK`].
+/// Waits until `changes`, the notifications of changed jobs, announces that the job with the given id may have changed,
+/// at most for [`LOOK`].
 pub(super) async fn change(changes: &mut Receiver<Arc<str>>, id: &str) {
     let told = async {
         loop {

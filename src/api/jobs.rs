@@ -128,10 +128,10 @@ async fn post_job(
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ListQuery {
-    /// Only jobs in this state
+    /// State to filter by: only jobs in this state are listed
     #[param(value_type = Option<StateSchema>, nullable = false)]
     state: Option<String>,
-    /// Only jobs that read this measurement
+    /// Id of a measurement to filter by: only jobs that read this measurement are listed
     #[param(nullable = false)]
     measurement: Option<Digest>,
     /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
@@ -231,7 +231,7 @@ async fn record(app: &App, caller: &Caller, action: &'static str, id: &str) {
     if caller.actor != Actor::Off
         && let Err(error) = app.engine.archive.catalog.record(&caller.act(action, id)).await
     {
-        tracing::warn!(%error, "an act was not recorded");
+        tracing::warn!(%error, "an act was not recorded in the audit trail");
     }
 }
 

@@ -152,14 +152,16 @@ async fn create_key(app: App, caller: Caller, SmallJson(body): SmallJson) -> Res
             Ok(response)
         }
         AddedKey::NoTenant => Err(Problem::invalid(format!("tenant: there is no tenant {tenant}"))),
-        AddedKey::Taken => Err(Problem::internal(&"a random id of a key is taken")),
+        AddedKey::Taken => Err(Problem::internal(&"the random id of a new key is that of another key")),
         AddedKey::Full(valid) => {
             let detail = format!("the tenant has {valid} of {limit} valid keys; revoke one of them first");
             Err(Problem::over_quota(limit, valid, detail))
         }
         AddedKey::Ended(all) => {
-            let detail =
-                format!("the tenant has {all} keys with those that have ended, which are forgotten after 30 days");
+            let detail = format!(
+                "the tenant has {all} keys, the most that it may have: expired and revoked ones count too, and are \
+                 forgotten after 30 days"
+            );
             Err(Problem::over_quota(all, all, detail))
         }
     }
@@ -218,14 +220,14 @@ pub(super) fn tenant_of(
 }
 
 impl MadeKey {
-    /// Describes a key that was made just now, with its text.
+    /// Builds the answer that describes a new access key and contains the key's text.
     pub(crate) fn of(key: &Key, row: KeyRow) -> Self {
         Self { key: key.reveal(), about: AccessKey::of(row) }
     }
 }
 
 impl AccessKey {
-    /// Describes a stored key.
+    /// Builds the description of an access key from its row in the database.
     pub(crate) fn of(row: KeyRow) -> Self {
         Self {
             id: row.id.to_string(),

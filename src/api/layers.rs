@@ -58,7 +58,10 @@ async fn hosts_and_origins<F: Future<Output = Response>>(
     let mut response = match &page {
         Page::Allowed(_) if preflight => StatusCode::NO_CONTENT.into_response(),
         _ if may => next(request).await,
-        Page::Allowed(_) => refuse(request, Problem::new(Kind::CrossOrigin, "this origin may read, not write")).await,
+        Page::Allowed(_) => {
+            let detail = "the page that asks is of an origin that --origin allows to read, not to write";
+            refuse(request, Problem::new(Kind::CrossOrigin, detail)).await
+        }
         _ => {
             let detail = "the page that asks is of another origin than the service, and no --origin allows it to read";
             let kind = if request.method().is_safe() { Kind::CrossOriginRead } else { Kind::CrossOrigin };
@@ -120,8 +123,9 @@ pub(super) async fn refuse(request: Request, problem: Problem) -> Response {
     problem.into_response()
 }
 
-/// Step around all others, `next`: checks the host and the origin of a request, adds security headers to its answer,
-/// assigns an id to it, logs it once, and records its duration by route.
+/// Outermost step of answering an HTTP request, around all other steps, `next`. Checks the host and the origin of the
+/// request, adds security headers to the answer, assigns an id to the request, logs it once, and records its duration
+/// by route.
 pub(crate) async fn outermost<F: Future<Output = Response>>(
     app: &App,
     mut request: Request,
@@ -195,7 +199,8 @@ pub(crate) async fn no_route(request: Request) -> Response {
 
 /// Answers a request whose HTTP method its route does not support; axum adds the header `Allow`.
 pub(crate) async fn no_method(request: Request) -> Response {
-    let detail = format!("{} is not for this resource; see Allow", shown(request.method().as_str(), LOGGED_METHOD));
+    let method = shown(request.method().as_str(), LOGGED_METHOD);
+    let detail = format!("the method {method} is not for this resource, expected one of those in the header Allow");
     refuse(request, Problem::new(Kind::MethodNotAllowed, detail)).await
 }
 

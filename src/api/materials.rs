@@ -161,7 +161,7 @@ async fn list_materials(app: App, Query(query): Query<ListQuery>) -> Result<Json
     let catalog = &app.engine.archive.catalog;
     let whose = query.visible.unwrap_or_default();
     if whose != Whose::Own && filter.measurement.is_some() {
-        let detail = format!("measurement: the sources of {} materials are hidden", whose.text());
+        let detail = format!("measurement: the source measurements of {} materials are hidden", whose.text());
         return Err(Problem::new(Kind::BadQuery, detail));
     }
     let sight = match whose {
@@ -209,7 +209,7 @@ async fn change_material(app: App, Id(id): Id, SmallJson(body): SmallJson) -> Re
         }
     }
     app.remembered.forget();
-    tracing::info!(material = %id, ?opening, "the readers of a material were changed");
+    tracing::info!(material = %id, ?opening, "the tenants that may read a material were changed");
     let row = app.engine.archive.catalog.material(id).await?;
     Material::of(row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))?).map(Json)
 }
@@ -308,7 +308,8 @@ impl Whose {
 }
 
 impl Material {
-    /// Builds the description of another tenant's material, without its measurements and readers.
+    /// Builds the description of another tenant's material. Leaves out the measurements from which it was made and the
+    /// tenants that may read it.
     fn of_another(row: MaterialRow) -> Result<Self, Problem> {
         let mut material = Self::of(MaterialRow { measurements: Vec::new(), readers: Vec::new(), ..row })?;
         material.manifest.hide_measurements();

@@ -229,7 +229,7 @@ async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {
     row.ok_or_else(|| Problem::new(Kind::NotFound, format!("there is no measurement {id}")))
 }
 
-/// Maps the outcome of deleting a measurement or a material to an HTTP answer.
+/// Maps the outcome of deleting a measurement or a material to the status or the error of the HTTP answer.
 pub(super) fn deleted(deleted: Deleted, absent: &str) -> Result<StatusCode, Problem> {
     match deleted {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),

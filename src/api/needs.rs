@@ -6,7 +6,8 @@ use axum::http::Method;
 /// Scope that a caller needs for a route.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Need {
-    /// The route answers everybody: health, the introduction, the description, and lists that are the same everywhere.
+    /// The route answers everybody, without a key: health checks, the introduction to the service, its OpenAPI
+    /// description, and lists that are the same everywhere, such as that of file formats.
     Public,
     /// The route reads or queries materials. A service may answer it without a key for public materials.
     Material,

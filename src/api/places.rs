@@ -112,7 +112,7 @@ impl Places {
         Self { shared: Arc::new(Shared { kind, all, each, taken: Mutex::default() }) }
     }
 
-    /// Takes `count` permits for a client, all together or none.
+    /// Takes `count` permits of the pool for a client, all together or none.
     pub(crate) fn take(&self, client: impl Into<Client>, count: usize) -> Result<Place, Full> {
         let client = client.into();
         self.shared.take(&client, count)?;
@@ -196,7 +196,7 @@ impl Shared {
     }
 }
 
-/// Lowers one of several numbers, and removes it at zero.
+/// Lowers by `count` the number of permits that a client or tenant, `key`, holds. Removes its entry at zero.
 fn lower<K: Eq + Hash>(numbers: &mut HashMap<K, usize>, key: &K, count: usize) {
     let Some(number) = numbers.get_mut(key) else { return };
     *number = number.saturating_sub(count);

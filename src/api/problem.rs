@@ -208,7 +208,7 @@ impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = self.kind.status();
         let body = serde_json::to_vec(&self.body()).unwrap_or_else(|error| {
-            tracing::error!(%error, problem = self.kind.code(), "the text of a problem was not written");
+            tracing::error!(%error, problem = self.kind.code(), "the body of an error response was not written");
             Vec::new()
         });
         let mut response = (status, body).into_response();
@@ -229,9 +229,11 @@ impl From<StoreError> for Problem {
             StoreError::NotFound(digest) => {
                 Self::new(Kind::NotFound, format!("no stored file has the digest {digest}"))
             }
-            StoreError::Corrupt { .. } | StoreError::Range { .. } => {
-                Self::inside(Kind::Corrupt, &error, "the stored bytes are not those of their digest; upload them again")
-            }
+            StoreError::Corrupt { .. } | StoreError::Range { .. } => Self::inside(
+                Kind::Corrupt,
+                &error,
+                "a stored file does not match its digest; upload the same bytes again",
+            ),
             StoreError::Io(_) | StoreError::Objects(_) => {
                 Self::inside(Kind::Unavailable, &error, "the store did not answer")
             }
@@ -323,7 +325,7 @@ impl From<&OpenError> for Problem {
         match error {
             OpenError::Blob(BlobError::Store(StoreError::NotFound(digest))) => Self::missing(*digest),
             OpenError::Blob(BlobError::Store(StoreError::Corrupt { .. } | StoreError::Range { .. })) => {
-                Self::inside(Kind::Corrupt, error, "the stored bytes are not those of their digest")
+                Self::inside(Kind::Corrupt, error, "a stored file does not match its digest")
             }
             OpenError::Blob(_) => Self::inside(Kind::Unavailable, error, "the store or the catalog did not answer"),
             OpenError::Maths(error) => error.clone().into(),

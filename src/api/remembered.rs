@@ -18,8 +18,8 @@ const PAIRS: u64 = 10_000;
 /// within [`TRUSTED`].
 #[derive(Clone, Debug)]
 pub(crate) struct Remembered {
-    /// Answers of the catalog by reading tenant and material, each with the value of `changes` when the catalog was
-    /// asked.
+    /// Rights to read a material as the catalog stated them, by reading tenant and material. Each has the value of
+    /// `changes` when the catalog was asked.
     found: moka::sync::Cache<(Tenant, Digest), (u64, Arc<Visible>)>,
     /// Number of times that this process has deleted a material or changed who may read one.
     changes: Arc<AtomicU64>,

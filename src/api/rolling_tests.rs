@@ -12,8 +12,8 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
-/// The next program: it adds a column that may be null and an index, which is made while others write, and understands
-/// jobs of one more level.
+/// Edition of a newer program for the test. Two more migrations add a column that may be null and, while others write,
+/// an index. The newer program also runs one higher version of job arguments.
 const NEXT: Edition = Edition {
     migrations: &[
         EDITION.migrations[0],
@@ -27,16 +27,16 @@ const NEXT: Edition = Edition {
     level: EDITION.level + 1,
 };
 
-/// Arguments of a job that makes the second table of the paper.
+/// Encoded arguments of a job of kind `paper` that makes table 2.
 const FRAME: &str = "01000000010000000000000002";
 
-/// Looks, 20 ms apart, after which a test gives up.
+/// Number of looks at a state, 20 ms apart, after which a test gives up.
 const LOOKS: usize = 6000;
 
-/// Jobs of the load that wait or run at the same time.
+/// Number of jobs of the load that wait or run at the same time.
 const WAITING: usize = 3;
 
-/// A running process of one of the two programs.
+/// Running service of the test, which stands for a process of this program or of the newer one.
 struct Node {
     base: String,
     stop: oneshot::Sender<()>,
@@ -65,7 +65,7 @@ impl Node {
     }
 }
 
-/// Jobs that a load has queued, and the nodes that it asks in turn, as a balancer does.
+/// Continuous load of a test: the jobs that it has queued, and the nodes that it asks in turn, as a load balancer does.
 #[derive(Default)]
 struct Load {
     nodes: Mutex<Vec<String>>,
@@ -111,7 +111,7 @@ impl Load {
         }
     }
 
-    /// Waits for the end of a job, and returns the job.
+    /// Waits until job `number` of the load, counted from 0, has ended, and returns the description of the job.
     async fn end_of(&self, client: &Client, number: usize) -> Value {
         for _ in 0..LOOKS {
             tokio::time::sleep(Duration::from_millis(20)).await;

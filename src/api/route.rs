@@ -9,7 +9,7 @@ use axum::http::Extensions;
 pub(crate) struct Route(&'static str);
 
 impl Route {
-    /// Returns the pattern of the route of the request with these extensions, if it has a route.
+    /// Returns the path pattern of the route of a request with these extensions; `None` if it has no route.
     pub(crate) fn of(extensions: &Extensions) -> Option<&'static str> {
         extensions.get::<Self>().map(|route| route.0)
     }

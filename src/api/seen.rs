@@ -17,7 +17,8 @@ pub(super) struct Seen {
     is_public: bool,
 }
 
-/// Mark of a response that is the same for all callers, because it is about a public material.
+/// Mark of a response that is the same for all callers, because it is about a public material. Caches may share such a
+/// response where requests without a key are admitted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ForAll;
 
@@ -29,7 +30,7 @@ pub(super) async fn seen(app: &App, id: Digest) -> Result<Seen, Problem> {
 }
 
 /// Finds a material that the caller may read, like [`seen`], but trusts an answer of the catalog for two seconds unless
-/// this process has changed it. For downloads, which renderers repeat.
+/// this process changed the right meanwhile. For downloads, which renderers repeat.
 pub(super) async fn seen_lately(app: &App, id: Digest) -> Result<Seen, Problem> {
     let catalog = &app.engine.archive.catalog;
     let visible = app.remembered.visible(catalog.tenant(), id, catalog.sees(id)).await?;
@@ -63,7 +64,7 @@ impl Seen {
         Some(Self { app: app.of(owner), name: name.clone(), sight: *sight, is_public: *is_public })
     }
 
-    /// Marks an answer about a public material.
+    /// Adds the mark [`ForAll`] to an answer about a public material.
     pub(super) fn mark(&self, mut response: Response) -> Response {
         if self.is_public {
             response.extensions_mut().insert(ForAll);

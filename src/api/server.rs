@@ -257,7 +257,7 @@ impl Server {
             connections.wait().await;
         }
         if let Err(error) = working.await {
-            tracing::error!(%error, "the workers ended badly");
+            tracing::error!(%error, "the task that runs the workers failed");
         }
         drop((figures, watching, renewing));
         engine.archive.catalog.close().await;
@@ -287,8 +287,8 @@ pub async fn serve<S: Into<Stop>>(
     Server::bind(config).await?.run(shutdown).await
 }
 
-/// Accepts connections until `closing` resolves; each one is a task of the returned tracker. It never waits for a free
-/// connection slot: a connection waiting in the system's queue would block health checks.
+/// Accepts connections until `closing` resolves, and serves each in a task of the returned tracker. Never waits for a
+/// free connection slot: a connection waiting in the system's queue would block health checks.
 async fn accept(
     listener: &TcpListener,
     host: &Arc<Host>,
@@ -317,7 +317,7 @@ async fn accept(
         };
         let peer = Peer::of(address.ip());
         let Some(admission) = entrance.admit(peer) else {
-            tracing::debug!(%peer, "a connection was closed: its address has all its places");
+            tracing::debug!(%peer, "a connection was closed: its address has as many as are allowed");
             continue;
         };
         // Sends small answers at once; a socket without this option still works.

@@ -27,12 +27,13 @@ pub(crate) struct Service(App);
 /// State that an HTTP handler uses: it reaches only the data of the tenant for which the caller acts. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App {
-    /// Engine for the data of the caller's tenant.
+    /// State of the workers and HTTP handlers (catalog, store, thread pools), restricted to the data of the caller's
+    /// tenant.
     pub(crate) engine: Arc<Engine>,
     shared: Arc<Shared>,
 }
 
-/// Parts of the state that are the same for all tenants.
+/// Parts of the HTTP service's state that are the same for all tenants.
 pub(crate) struct Shared {
     /// Rules for the request hosts and page origins that are accepted.
     pub(crate) access: Arc<Access>,

@@ -24,17 +24,17 @@ use tokio_util::task::AbortOnDropHandle;
 
 const SPECTRUM: &str = "wavelength,a\n400,1\n410,2\n420,3\n430,2\n440,1\n";
 
-/// Header by which a test says whose request it is.
+/// Header in which a test names the tenant that sends a request.
 const TENANT: &str = "x-tenant";
 
-/// Service of two tenants, `one` and `two`, whose jobs are run.
+/// Service with two tenants, `one` and `two`, and a worker that runs their jobs.
 struct Desk {
     front: Front,
     stop: CancellationToken,
     _working: AbortOnDropHandle<()>,
 }
 
-/// Answer of the service, without its date and id.
+/// Status, headers and body of an answer of the service. The headers with the date and the request id are left out.
 #[derive(Clone, Debug, PartialEq)]
 struct Answer {
     status: StatusCode,
@@ -43,7 +43,7 @@ struct Answer {
 }
 
 impl Answer {
-    /// Returns the answer with an identifier replaced by a word.
+    /// Returns the answer with the identifier `id` replaced by `ID` wherever it occurs.
     fn without(mut self, id: &str) -> Self {
         let replaced = |text: &str| text.replace(id, "ID");
         for (_, value) in &mut self.headers {
@@ -66,7 +66,7 @@ impl Answer {
     }
 }
 
-/// Makes a request one of the tenant that its header names.
+/// Makes a request one of the tenant that its header [`TENANT`] names.
 fn as_tenant(mut request: Request) -> Request {
     if let Some(tenant) = request.headers_mut().remove(TENANT) {
         let tenant = tenant.to_str().unwrap().parse().unwrap();
@@ -75,7 +75,7 @@ fn as_tenant(mut request: Request) -> Request {
     request
 }
 
-/// Request with a tenant, without a body.
+/// Builds a `GET` request of a tenant.
 fn get(tenant: &str, uri: &str) -> Request {
     asks(tenant, "GET", uri, &[], "")
 }
@@ -140,7 +140,7 @@ impl Desk {
         Answer { status, headers, body: String::from_utf8_lossy(&body).into_owned() }
     }
 
-    /// Asks and expects a status.
+    /// Sends a request, checks that the answer has the given status, and returns the answer.
     async fn done(&self, status: u16, request: Request) -> Answer {
         let about = format!("{} {}", request.method(), request.uri());
         let answer = self.answer(request).await;
@@ -164,14 +164,14 @@ impl Desk {
     }
 }
 
-/// Identifiers of all that one tenant has.
+/// Identifiers of all stored things, jobs and uploads that a test has made for one tenant.
 struct Owned {
     measurement: String,
     material: String,
     report: String,
     job: String,
     upload: String,
-    /// Job that has not begun.
+    /// Id of a job that waits in the queue.
     waiting: String,
 }
 
@@ -197,13 +197,13 @@ impl Owned {
         }
     }
 
-    /// Digests, ids of jobs and ids of uploads.
+    /// Returns the identifiers by kind: digests, ids of jobs, ids of uploads.
     fn ids(&self) -> [Vec<&str>; 3] {
         [vec![&self.measurement, &self.material, &self.report], vec![&self.job, &self.waiting], vec![&self.upload]]
     }
 }
 
-/// Identifiers that exist nowhere, of each kind of [`Owned::ids`].
+/// Identifiers that exist nowhere, one of each kind in [`Owned::ids`].
 fn nowhere() -> [String; 3] {
     [
         Digest::of(b"exists nowhere").to_string(),
@@ -212,7 +212,8 @@ fn nowhere() -> [String; 3] {
     ]
 }
 
-/// Requests for something by its identifier, `ID`: kind of identifier, method, address, headers and body.
+/// Request that names a thing by its identifier, `ID`: kind of the identifier (as an index into [`Owned::ids`]),
+/// method, address, headers and body.
 type Ask = (usize, &'static str, &'static str, &'static [(&'static str, &'static str)], &'static str);
 
 const LINES: (&str, &str) = ("content-type", "application/x-ndjson");
@@ -221,7 +222,7 @@ const PART: (&str, &str) = ("content-type", "application/offset+octet-stream");
 const ANY: (&str, &str) = ("if-none-match", "*");
 const RANGE: (&str, &str) = ("range", "bytes=0-0");
 
-/// Every way to ask for something by its identifier in the path.
+/// Requests that name a thing by its identifier in the path, one for each way to do so.
 const PATHS: &[Ask] = &[
     (0, "GET", "/v1/measurements/ID", &[], ""),
     (0, "DELETE", "/v1/measurements/ID", &[], ""),
@@ -263,7 +264,8 @@ const PATHS: &[Ask] = &[
     (2, "POST", "/v1/uploads/ID", &[TUS, PART, ("x-http-method-override", "PATCH"), ("upload-offset", "0")], "bytes"),
 ];
 
-/// Every way to name something in a query or a body. `OWN` is a material of the asking tenant.
+/// Requests that name a thing by its identifier in the query string or the body, one for each way to do so. `OWN` is a
+/// material of the asking tenant.
 const NAMED: &[Ask] = &[
     (0, "GET", "/v1/materials?measurement=ID", &[], ""),
     (0, "GET", "/v1/jobs?measurement=ID", &[], ""),
@@ -279,7 +281,7 @@ const NAMED: &[Ask] = &[
     (0, "GET", "/v1/materials/OWN/preview.png?observer=ID", &[], ""),
 ];
 
-/// Returns a site of each kind: one directory, and PostgreSQL with an S3 bucket.
+/// Returns one site (place of database and store) of each kind: a local directory, and PostgreSQL with an S3 bucket.
 async fn sites() -> Vec<(Site, tempfile::TempDir)> {
     crate::store::provide_tls();
     let (alone, scratch) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
@@ -455,7 +457,7 @@ async fn equal_bytes_are_new_to_each_tenant() {
     }
 }
 
-/// Replaces the times in an answer.
+/// Replaces each time in a JSON answer, a field whose name ends with `_ms`, by null.
 fn forget_times(value: &mut Value) {
     match value {
         Value::Object(fields) => {

@@ -27,7 +27,7 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
 #[serde(rename_all = "snake_case")]
 #[schema(as = TenantState)]
 enum StateText {
-    /// The tenant is served.
+    /// Requests of the tenant are answered, and its jobs start.
     Active,
     /// Requests of the tenant are refused, and its waiting jobs do not start; its data are kept.
     Closed,
@@ -140,7 +140,7 @@ async fn list_tenants(app: App) -> Result<Json<TenantList>, Problem> {
 async fn create_tenant(app: App, SmallJson(body): SmallJson) -> Result<Response, Problem> {
     let mut request: Map<String, Value> = parse_json(&body.bytes)?;
     let id = request.remove("id").and_then(|id| Some(id.as_str()?.to_owned()));
-    let id = id.ok_or_else(|| Problem::invalid("found no text `id`, expected the id of the tenant"))?;
+    let id = id.ok_or_else(|| Problem::invalid("found no text in `id`, expected the id of the new tenant"))?;
     let id: Tenant = id.parse().map_err(|error| Problem::invalid(format!("id: {error}")))?;
     let change: Result<ChangeRequest, _> = serde_json::from_value(Value::Object(request));
     let change = change.map_err(|error| Problem::invalid(error.to_string()))?.read()?;
@@ -190,7 +190,7 @@ async fn change_tenant(
             record(&app, &caller, &tenant, &change).await;
             Ok(Json(About::of(*row)))
         }
-        Settled::Taken => Err(Problem::new(Kind::InUse, "name: another tenant has it")),
+        Settled::Taken => Err(Problem::new(Kind::InUse, "name: another tenant has this name")),
         Settled::Absent => Err(absent(&id)),
     }
 }
@@ -204,7 +204,7 @@ async fn record(app: &App, caller: &Caller, tenant: &Tenant, change: &TenantChan
     let (owner, detail) = (Some(tenant.clone()), Some(change.to_string()));
     let act = Act { tenant: owner, detail, address: None, request: None, ..caller.act("tenant.change", tenant) };
     if let Err(error) = app.engine.archive.catalog.record(&act).await {
-        tracing::warn!(%error, "an act was not recorded");
+        tracing::warn!(%error, "an act was not recorded in the audit trail");
     }
 }
 

@@ -28,12 +28,12 @@ pub(crate) struct Running {
     id: u64,
 }
 
-/// Reason to close an inactive connection.
+/// Reason to close a connection on which nothing moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Silence {
-    /// The connection has no running request.
+    /// No request of the connection is running, and none has begun or ended for the idle time.
     Idle,
-    /// The client does not read its answer.
+    /// The client has not taken a waiting piece of an answer for twice the idle time.
     Unread,
 }
 
@@ -52,8 +52,8 @@ impl Traffic {
         Running { traffic: Arc::clone(self), id }
     }
 
-    /// Returns a reason to close a connection at time `now`, if nothing has moved on it for `idle`. Answers get twice
-    /// `idle` for each piece, because a slow connection takes pieces in bursts.
+    /// Returns a reason to close the connection at time `now`: no request for `idle`, or a piece of an answer that
+    /// waits for twice as long. The doubled time spares slow connections, which take pieces in bursts.
     pub(crate) fn silence(&self, idle: Duration, now: Instant) -> Option<Silence> {
         let state = self.state();
         if state.running.is_empty() {

@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio_util::io::StreamReader;
 
-/// Bytes of an upload hashed and written to disk at a time.
+/// Number of bytes of an upload that are hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
 
 /// Number of decoded bytes of an upload that are exempt from the limit on the compression ratio: a small file may well
@@ -60,7 +60,10 @@ pub(crate) async fn receive_stream(
     let limits = &app.engine.limits;
     let received = tokio::time::timeout(limits.upload_time, stage(app, coding, bytes.as_mut())).await;
     received.unwrap_or_else(|_| {
-        Err(Problem::new(Kind::Unavailable, format!("the parts were not read within {:?}", limits.upload_time)))
+        Err(Problem::new(
+            Kind::Unavailable,
+            format!("the parts of the upload were not read from the store within {:?}", limits.upload_time),
+        ))
     })
 }
 
@@ -84,8 +87,9 @@ pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Probl
     let stream = request.into_body().into_data_stream();
     let mut body = Box::pin(stream.map(|piece| piece.map_err(|_| io::Error::other(Cut::Broken))));
     let received = tokio::time::timeout(limits.upload_time, stage(app, coding, body.as_mut())).await;
-    let received = received
-        .unwrap_or_else(|_| Err(Problem::new(Kind::TooSlow, format!("an upload may take {:?}", limits.upload_time))));
+    let received = received.unwrap_or_else(|_| {
+        Err(Problem::new(Kind::TooSlow, format!("the upload took longer than {:?}", limits.upload_time)))
+    });
     if received.is_err() {
         linger_body(Body::from_stream(body)).await;
     }
@@ -205,14 +209,17 @@ fn broken(error: &io::Error, coding: Coding) -> Problem {
         Some(Cut::Slow(slow)) => (*slow).into(),
         None if coding == Coding::Identity => Problem::new(Kind::BadBody, "the body ended early"),
         None if error.kind() == io::ErrorKind::UnexpectedEof => {
-            Problem::new(Kind::BadBody, "the encoded body is cut off")
+            Problem::new(Kind::BadBody, "the compressed body ended early")
         }
         None => Problem::new(Kind::BadBody, format!("the body is not what its Content-Encoding says: {error}")),
     }
 }
 
 fn too_large(limits: &Limits) -> Problem {
-    Problem::new(Kind::TooLarge, format!("an upload may have {} bytes after decoding", limits.upload_bytes))
+    Problem::new(
+        Kind::TooLarge,
+        format!("the upload is too large: it may have {} bytes after decoding", limits.upload_bytes),
+    )
 }
 
 #[cfg(test)]

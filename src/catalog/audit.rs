@@ -16,11 +16,11 @@ pub(crate) struct Act {
     /// Actor: the id of the access key that was used, directly or by its token or link; otherwise the name of the
     /// command.
     pub actor: String,
-    /// Name of the act, such as `key.create`.
+    /// Name of the act to record, such as `key.create`.
     pub action: &'static str,
     /// Id of the key, material or other object that the act concerned.
     pub subject: Option<String>,
-    /// Further facts about the act, in words.
+    /// Further facts about the act to record, in words.
     pub detail: Option<String>,
     /// Network address of the client.
     pub address: Option<String>,
@@ -31,18 +31,18 @@ pub(crate) struct Act {
 /// An act as recorded in the audit trail.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ActRow {
-    /// Id of the record.
+    /// Id of the record in the audit trail.
     pub id: String,
-    /// Time of the act, ms of the Unix epoch.
+    /// Time of the recorded act, ms of the Unix epoch.
     pub at_ms: i64,
     /// Actor: the id of the access key that was used, directly or by its token or link; otherwise the name of the
     /// command.
     pub actor: String,
-    /// Name of the act, such as `key.create`.
+    /// Name of the recorded act, such as `key.create`.
     pub action: String,
     /// Id of the key, material or other object that the act concerned.
     pub subject: Option<String>,
-    /// Further facts about the act, in words.
+    /// Further facts about the recorded act, in words.
     pub detail: Option<String>,
     /// Network address of the client.
     pub address: Option<String>,
@@ -95,8 +95,8 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.at_ms, id: row.id.clone() }))
     }
 
-    /// Deletes records of the audit trail that are older than `age`, and those that belong to no tenant after 30 days
-    /// already.
+    /// Deletes records of the audit trail that are older than `age`. A record that belongs to no tenant is also deleted
+    /// once it is older than 30 days.
     pub(super) async fn forget_acts(&self, age: Duration) -> Result<(), CatalogError> {
         let old = "WITH old AS MATERIALIZED (SELECT id FROM audit WHERE at < {now} - $1 ORDER BY at LIMIT $2) \
                    DELETE FROM audit WHERE id {among SELECT id FROM old}";

@@ -40,11 +40,11 @@ pub(crate) enum Claim {
 /// Kind of catalog row that refers to stored bytes by their digest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Namer {
-    /// Row of the catalog for a material; the digest is that of the material's file.
+    /// Row of the catalog for a material, which refers to the material's file.
     Material,
-    /// Row of the catalog for a job; the digest is that of the report that the job made.
+    /// Row of the catalog for a job, which refers to the report that the job made.
     Report,
-    /// Row of the catalog for a measurement; the digest is that of its content.
+    /// Row of the catalog for a measurement, which refers to the measurement's content.
     Measurement,
 }
 
@@ -55,7 +55,7 @@ pub(crate) enum Doom {
     Doomed(u64),
     /// Another row of the catalog still refers to the digest, so its object is kept.
     Named,
-    /// The catalog no longer lists stored bytes with the digest.
+    /// The catalog does not list stored bytes with the digest any more.
     Gone,
 }
 
@@ -527,8 +527,8 @@ async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) ->
     Ok(())
 }
 
-/// Returns a text that sorts before all digests that begin with byte `first` (any byte if `None`) and follow `after`,
-/// and after all others below them.
+/// Returns the text after which the wanted digests sort: those that begin with byte `first` (any byte if `None`) and
+/// follow `after`. Without `after` the text is their common beginning.
 pub(super) fn low(first: Option<u8>, after: Option<Digest>) -> String {
     let start = || first.map_or("b3-".to_owned(), |first| format!("b3-{first:02x}"));
     after.map_or_else(start, |digest| digest.to_string())

@@ -11,9 +11,10 @@ use std::collections::BTreeMap;
 /// Stored bytes that one process has reserved to check their digest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Due {
-    /// Row about the stored bytes.
+    /// Catalog row about the stored bytes to check.
     pub blob: Blob,
-    /// Time of the check before this one, and of the reservation, in ms of the Unix epoch.
+    /// Time of the previous check of the stored bytes, and time at which they were reserved for this one, in ms of the
+    /// Unix epoch.
     checked_at: [i64; 2],
 }
 

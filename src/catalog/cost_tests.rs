@@ -7,18 +7,18 @@ use crate::store::{Digest, Object};
 use sqlx::Row;
 use std::time::{Duration, Instant};
 
-/// Longer than the whole measurement, also on a busy machine.
+/// Duration of leases and announcements in the measurement, which ends earlier even on a busy machine.
 const HOUR: Duration = Duration::from_hours(1);
 
-/// Jobs and materials in the catalog before the first statement.
+/// Numbers of jobs and materials in the catalog before the first statement whose cost is measured.
 const JOBS: u32 = 100_000;
 const MATERIALS: u32 = 10_000;
 
 /// Clock ticks of Linux in a second, the unit of CPU times in `/proc`.
 const TICKS: f64 = 100.0;
 
-/// Returns the CPU time in s of the processes of the server, which must run on this machine, but for those that come
-/// and go to clean tables; and the length of its log in bytes.
+/// Returns the CPU time in s that the processes of the PostgreSQL server have used, and the length in bytes of its
+/// write-ahead log. The server must run on this machine. Processes that come and go to clean tables do not count.
 async fn spent(catalog: &Catalog) -> (f64, i64) {
     let mut ticks = 0.0;
     let pids = sqlx::query("SELECT pid FROM pg_stat_activity WHERE backend_type NOT LIKE 'autovacuum%'")
@@ -36,7 +36,7 @@ async fn spent(catalog: &Catalog) -> (f64, i64) {
     (ticks / TICKS, log.unwrap().try_get(0).unwrap())
 }
 
-/// Awaits an operation `times` times, and prints the cost of one.
+/// Awaits an operation `times` times, and prints the mean cost of one time: server CPU time, log bytes and duration.
 async fn cost<T>(catalog: &Catalog, name: &str, times: u32, mut operation: impl AsyncFnMut(u32) -> T) -> Vec<T> {
     let (start, (cpu, log)) = (Instant::now(), spent(catalog).await);
     let mut done = Vec::new();

@@ -21,15 +21,16 @@ pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
     pub(super) place: Database,
     pub(super) dialect: Dialect,
-    /// Owner of the rows that are read and written.
+    /// Tenant whose rows are read and written.
     pub(super) tenant: Tenant,
-    /// Schema and jobs that this program understands.
+    /// Edition of the program: the schema migrations that it knows, and the highest version of job arguments that it
+    /// runs.
     pub(super) edition: Edition,
     /// Lock that the writers of this process take in turn on SQLite. Waiting for it is fair, unlike SQLite's busy
     /// handler.
     turn: Arc<Mutex<()>>,
     pub(super) readiness: Arc<Readiness>,
-    /// Number of jobs that this process may queue before it counts the waiting ones.
+    /// Number of further jobs that this process may queue before it counts the waiting jobs of all processes again.
     pub(super) room: Arc<AtomicU64>,
 }
 
@@ -37,7 +38,7 @@ pub(crate) struct Catalog {
 pub(super) struct Write {
     pub(super) transaction: Transaction<'static, Any>,
     pub(super) dialect: Dialect,
-    /// Owner of the rows that are written.
+    /// Tenant that owns the rows written by the transaction.
     pub(super) tenant: Tenant,
     /// Start time of the write transaction by the database's clock, ms of the Unix epoch.
     pub(super) now: i64,
@@ -112,7 +113,7 @@ impl Catalog {
         Self { tenant: tenant.clone(), ..self.clone() }
     }
 
-    /// Returns the owner of the rows that are read and written.
+    /// Returns the tenant whose rows this catalog object reads and writes.
     pub(crate) fn tenant(&self) -> &Tenant {
         &self.tenant
     }
@@ -150,7 +151,7 @@ impl Catalog {
         Ok(Write { transaction, dialect: self.dialect, tenant: self.tenant.clone(), now, _turn: turn })
     }
 
-    /// Begins a transaction that reads a page of a list.
+    /// Begins a transaction for reading a page of a list.
     pub(super) async fn list(&self) -> Result<Transaction<'static, Any>, CatalogError> {
         Ok(self.pool.begin_with(self.dialect.begin_list()).await?)
     }
@@ -166,7 +167,7 @@ impl Catalog {
         for tried in 1.. {
             match operation(tried > 1).await {
                 Err(CatalogError::Sql(error)) if tried < TRIES && self.dialect.is_passing(&error) => {
-                    tracing::debug!(%error, tried, "an operation of the catalog is repeated");
+                    tracing::debug!(%error, tried, "a failed operation of the catalog is tried again");
                     // Two that were in each other's way must not meet again.
                     let jitter = uuid::Uuid::now_v7().as_bytes()[15] % 16;
                     tokio::time::sleep(pause + Duration::from_millis(u64::from(jitter))).await;
@@ -196,8 +197,8 @@ impl Write {
         Ok(self.transaction.commit().await?)
     }
 
-    /// Undoes the transaction at once. A transaction that is only dropped keeps its locks for a moment, and another
-    /// worker skips the rows that it has locked.
+    /// Undoes the transaction at once. A transaction that is only dropped keeps its locks for a moment, during which
+    /// other workers skip the rows that it has locked.
     pub(super) async fn undo(self) -> Result<(), CatalogError> {
         Ok(self.transaction.rollback().await?)
     }

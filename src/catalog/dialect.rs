@@ -45,9 +45,9 @@ impl Dialect {
         }
     }
 
-    /// SQL statement that begins a transaction which reads a list. On PostgreSQL its queries may sort, and are planned
-    /// for the filters at hand: a rare one is looked up in an index of its own, a common one is met soon on the way
-    /// along the list.
+    /// SQL statement that begins a transaction for reading a page of a list. PostgreSQL may then sort, and plans the
+    /// queries for the given filters: a rare value is looked up in an index of its own, a common one is met soon on the
+    /// way along the list.
     pub(super) fn begin_list(self) -> &'static str {
         match self {
             Self::Sqlite => "BEGIN",
@@ -110,7 +110,7 @@ impl Dialect {
         AssertSqlSafe(out).into_sql_str()
     }
 
-    /// Appends a query for the texts in a parameter, a JSON array.
+    /// Appends an SQL query for the texts in a parameter, a JSON array.
     fn each(self, out: &mut String, parameter: &str) {
         let (before, after) = match self {
             Self::Sqlite => ("SELECT value FROM json_each(", ")"),

@@ -56,12 +56,12 @@ pub(super) fn breaks_reference(error: &sqlx::Error) -> bool {
     error.as_database_error().is_some_and(sqlx::error::DatabaseError::is_foreign_key_violation)
 }
 
-/// Parses a digest in row `id` of a table.
+/// Parses the text of a digest in row `id` of a table of the catalog. The error names the table and the row.
 pub(super) fn digest(table: &'static str, id: &str, text: &str) -> Result<Digest, CatalogError> {
     text.parse().map_err(|error: NotADigest| CatalogError::Row { table, id: id.to_owned(), reason: error.to_string() })
 }
 
-/// Parses the owner of row `id` of a table.
+/// Parses the text of a tenant's id in row `id` of a table of the catalog. The error names the table and the row.
 pub(super) fn tenant(table: &'static str, id: &str, text: &str) -> Result<Tenant, CatalogError> {
     text.parse().map_err(|error: NotATenant| CatalogError::Row { table, id: id.to_owned(), reason: error.to_string() })
 }

@@ -24,17 +24,17 @@ pub(crate) struct Examined {
     pub oldest_reader: i64,
     /// Id of the catalog; `None` before its first start.
     pub instance: Option<String>,
-    /// True if the database is a copy of another one, made by a restored dump.
+    /// True if the database was made by restoring a dump of another one.
     pub is_copy: bool,
     /// True if the id of the catalog was ever written to a store.
     pub has_claimed_store: bool,
     /// Name of the original whose copy into this catalog was begun and has not ended.
     pub copying: Option<String>,
-    /// Facts that only one kind of database has.
+    /// Facts about the database that depend on its kind, SQLite or PostgreSQL.
     pub engine: Engine,
 }
 
-/// Facts that only one kind of database has.
+/// Facts about the database that depend on its kind, SQLite or PostgreSQL.
 #[derive(Clone, Debug)]
 pub(crate) enum Engine {
     /// Facts about a SQLite file.
@@ -53,33 +53,33 @@ pub(crate) enum Engine {
 /// Facts about a PostgreSQL server.
 #[derive(Clone, Debug)]
 pub(crate) struct Server {
-    /// Version as a number: 150018 is 15.18.
+    /// Version of PostgreSQL as a number: 150018 is 15.18.
     pub version: i64,
-    /// Version as the server writes it.
+    /// Version of PostgreSQL as a text, as the server states it.
     pub version_text: String,
-    /// Encoding of the database.
+    /// Character encoding of the database.
     pub encoding: String,
     /// Order of texts (collation) of the database.
     pub order: String,
-    /// True for a standby server, which cannot be written.
+    /// True if the PostgreSQL server is a standby, which cannot be written.
     pub is_standby: bool,
-    /// Value of the setting `fsync`.
+    /// Value of the PostgreSQL setting `fsync`.
     pub fsync: String,
-    /// Value of the setting `full_page_writes`.
+    /// Value of the PostgreSQL setting `full_page_writes`.
     pub full_page_writes: String,
-    /// Value of the setting `synchronous_commit`.
+    /// Value of the PostgreSQL setting `synchronous_commit`.
     pub synchronous_commit: String,
-    /// Number of connections that the server grants to users who are no superusers.
+    /// Number of connections that the PostgreSQL server grants to users who are not superusers.
     pub connections: i64,
-    /// Number of connections of clients that are open now, without this one.
+    /// Number of client connections that are open on the PostgreSQL server now, without this one.
     pub in_use: i64,
 }
 
-/// Statements that set up a connection for an examination on SQLite. Unlike those of the service they leave the journal
-/// mode of the file alone.
+/// SQL statements that set up a connection for examining a SQLite database. Unlike those of the service they leave the
+/// journal mode of the file alone.
 const LOOK: [&str; 2] = ["PRAGMA busy_timeout = 2000", "PRAGMA synchronous = FULL"];
 
-/// Statements that set up a connection for an examination on PostgreSQL, which refuses to write then.
+/// SQL statements that set up a connection for examining a PostgreSQL database. The connection then refuses to write.
 const READ_ONLY: [&str; 1] =
     ["SET default_transaction_read_only = on; SET statement_timeout = '5s'; SET lock_timeout = '2s'"];
 
@@ -93,7 +93,7 @@ impl Server {
     }
 }
 
-/// Returns true for an encoding and an order of texts in which identifiers are compared byte by byte.
+/// Returns true if texts compare byte by byte in a PostgreSQL database with this character encoding and this collation.
 pub(super) fn is_bytewise(encoding: &str, order: &str) -> bool {
     encoding == "UTF8" && matches!(order, "C" | "POSIX" | "C.UTF-8" | "C.utf8")
 }

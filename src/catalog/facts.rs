@@ -15,7 +15,7 @@ impl Catalog {
         Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
-    /// Sets a named property of the whole catalog; if it is set already, only if `again`.
+    /// Sets a named property of the whole catalog. A property that is set already changes only if `again` is true.
     pub(super) async fn state(&self, name: &str, value: String, again: bool) -> Result<(), CatalogError> {
         let statement = if again {
             "INSERT INTO facts (name, value) VALUES ($1, $2) ON CONFLICT (name) DO UPDATE SET value = excluded.value"

@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Name of the fact that a copy into this catalog was begun and has not ended; its value names the original.
 pub(super) const COPYING: &str = "copying";
 
-/// Rows on their way into a catalog, which become visible all at once.
+/// Write transaction that copies rows into a catalog. Others see none of its rows before it is committed.
 pub(crate) struct Filling(Write);
 
 impl Catalog {
@@ -92,7 +92,7 @@ impl Catalog {
 }
 
 impl Filling {
-    /// Adds rows, each a JSON array of values in the order of `columns`.
+    /// Adds rows to a table, each a JSON array of values in the order of `columns`.
     pub(crate) async fn insert(&mut self, table: &str, columns: &[String], rows: &[Value]) -> Result<(), CatalogError> {
         insert(&mut self.0, table, columns, rows).await
     }
@@ -105,7 +105,8 @@ impl Filling {
         insert(&mut self.0, "blobs", &blob_columns(), &[row]).await
     }
 
-    /// Commits the rows that were copied so far, so that others see them; the copy of a catalog goes on.
+    /// Commits the rows that were copied so far, so that others see them. Further rows of the copy follow in another
+    /// transaction.
     pub(crate) async fn pause(self) -> Result<(), CatalogError> {
         self.0.commit().await
     }

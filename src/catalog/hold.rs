@@ -5,7 +5,8 @@ use super::error::CatalogError;
 use std::time::Duration;
 
 impl Catalog {
-    /// Begins a hold with this name, or prolongs it; it ends by itself after `time`. Ended holds are cleared.
+    /// Begins or prolongs the hold with this name: until it ends, no process deletes stored objects. The hold ends by
+    /// itself after `time`. Ended holds are cleared.
     pub(crate) async fn begin_hold(&self, name: &str, time: Duration) -> Result<(), CatalogError> {
         self.repeat(|_| async {
             let _turn = self.turn().await;
@@ -27,7 +28,8 @@ impl Catalog {
         .await
     }
 
-    /// Prolongs a hold. Returns false if it has ended: objects may have been deleted since.
+    /// Prolongs a hold, during which no process deletes stored objects. Returns false if the hold has ended: objects
+    /// may have been deleted since.
     pub(crate) async fn prolong_hold(&self, name: &str, time: Duration) -> Result<bool, CatalogError> {
         self.repeat(|_| async {
             let _turn = self.turn().await;
@@ -43,7 +45,7 @@ impl Catalog {
         .await
     }
 
-    /// Ends a hold.
+    /// Ends a hold: as far as it is concerned, processes may delete stored objects again.
     pub(crate) async fn end_hold(&self, name: &str) -> Result<(), CatalogError> {
         self.repeat(|_| async {
             let _turn = self.turn().await;

@@ -7,7 +7,7 @@ use std::time::Duration;
 /// Pause between two tries to become the only process that changes the schema. Raising it delays the second process.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// Waits until no other process changes the schema, and takes its place for as long as `connection` is open.
+/// Waits until no other process changes the schema, and keeps all others from changing it while `connection` is open.
 pub(super) async fn wait_for_turn(connection: &mut AnyConnection) -> Result<(), CatalogError> {
     // A statement that waited here would itself delay an index, which waits for every statement that began before it.
     let taken = "SELECT pg_try_advisory_lock(hashtext('wavelume indexes of ' || current_schema()))";
@@ -39,7 +39,7 @@ pub(super) async fn build_search(connection: &mut AnyConnection, online: bool) -
     let mut found = sqlx::query(find).fetch_optional(&mut *connection).await?;
     if found.is_none() {
         if let Err(error) = connection.execute("CREATE EXTENSION IF NOT EXISTS pg_trgm SCHEMA public").await {
-            tracing::debug!(%error, "the extension pg_trgm was not created");
+            tracing::debug!(%error, "the PostgreSQL extension pg_trgm was not created");
         }
         found = sqlx::query(find).fetch_optional(&mut *connection).await?;
     }
@@ -72,7 +72,7 @@ async fn create(connection: &mut AnyConnection, index: &str, online: bool) -> Re
     Ok(())
 }
 
-/// Returns the name of an index, with which its text begins.
+/// Returns the name of an index from the index's definition, which begins with the name.
 fn name_of(index: &str) -> &str {
     index.split(' ').next().unwrap_or_default()
 }

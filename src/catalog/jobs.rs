@@ -24,7 +24,7 @@ pub(crate) struct JobCounts {
     pub queued: u64,
     /// Number of jobs that a worker is running.
     pub running: u64,
-    /// Time in ms since the oldest waiting job was created.
+    /// Time in ms since the oldest of the waiting jobs was created.
     pub oldest_ms: u64,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct JobFilter {
 pub(crate) struct Cancelling {
     /// The job after the request: cancelled if it waited, otherwise still running or at its end.
     pub job: JobRow,
-    /// True if nobody had asked this job to stop before and it had not ended.
+    /// True if the job had not ended, and nobody had asked it to stop before.
     pub is_first: bool,
 }
 

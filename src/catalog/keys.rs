@@ -18,15 +18,15 @@ pub(crate) struct NewKey {
     pub tenant: Tenant,
     /// Name of the key, for people.
     pub name: String,
-    /// Hash of the key's secret.
+    /// Hash of the secret part of the access key.
     pub hash: SecretHash,
-    /// Public half of the pair with which the key signs links and tokens.
+    /// Public half of the key pair with which the access key signs links and tokens.
     pub verifier: Option<Verifier>,
     /// Scopes of the key: what it allows.
     pub scopes: Scopes,
     /// Time from now after which the access key is refused.
     pub life: Duration,
-    /// Id of the key that made this one, or another word for its maker.
+    /// Id of the key by which this one was created, or another word for its creator.
     pub created_by: String,
 }
 
@@ -41,15 +41,15 @@ pub(crate) struct KeyRow {
     pub name: String,
     /// Scopes of the key: what it allows.
     pub scopes: Scopes,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time at which the key was created, ms of the Unix epoch.
     pub created_ms: i64,
     /// Time from which the key is refused, ms of the Unix epoch.
     pub expires_ms: Option<i64>,
     /// Time at which the key was revoked, ms of the Unix epoch.
     pub revoked_ms: Option<i64>,
-    /// Time of the last use, exact to a minute, ms of the Unix epoch.
+    /// Time at which the key was last used, exact to a minute, in ms of the Unix epoch.
     pub used_ms: Option<i64>,
-    /// Id of the key that made this one, or another word for its maker.
+    /// Id of the key by which this one was created, or another word for its creator.
     pub created_by: Option<String>,
 }
 
@@ -58,15 +58,15 @@ pub(crate) struct KeyRow {
 pub(crate) struct Credential {
     /// Row of the access key in the catalog.
     pub row: KeyRow,
-    /// Hash of the key's secret.
+    /// Hash of the secret part of the access key.
     pub hash: SecretHash,
-    /// Public half of the pair with which the key signs links and tokens.
+    /// Public half of the key pair with which the access key signs links and tokens.
     pub verifier: Option<Verifier>,
     /// Time for which the key is still valid; zero if it has expired or was revoked.
     pub left: Duration,
     /// True if the tenant of the key is closed.
     pub is_closed: bool,
-    /// True if the last recorded use of the key is older than [`USED`].
+    /// True if the last recorded use of the key is older than [`USED`], so that a use now is to be recorded.
     pub is_use_old: bool,
 }
 
@@ -277,8 +277,8 @@ impl Catalog {
         .await
     }
 
-    /// Deletes access keys that expired or were revoked more than `age` ago. The newest key stays, because a service
-    /// that has ever had a key accepts no first one from its environment.
+    /// Deletes access keys that expired or were revoked more than `age` ago. The newest key stays: a service without
+    /// any stored key would accept a first key from its environment.
     pub(super) async fn forget_ended_keys(&self, age: Duration) -> Result<(), CatalogError> {
         loop {
             let turn = self.turn().await;

@@ -312,8 +312,8 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
     Ok(is_new)
 }
 
-/// Adds the comparisons with measurements in the manifest `new` to those of the manifest `document`; a measurement that
-/// was compared before keeps its first comparison.
+/// Copies the comparisons with measurements from the manifest `new` to the manifest `document`. A measurement that
+/// `document` already lists keeps its first comparison.
 fn compared(document: &mut Map<String, Value>, new: &Map<String, Value>) {
     let Some(Value::Array(added)) = new.get(COMPARED) else { return };
     let Value::Array(listed) = document.entry(COMPARED).or_insert_with(|| json!([])) else { return };

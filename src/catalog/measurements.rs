@@ -218,7 +218,7 @@ impl Catalog {
                     deleted => return deleted,
                 }
             }
-            Ok(Deleted::InUse(format!("another row has just begun to depend on measurement {id}")))
+            Ok(Deleted::InUse(format!("a material, measurement or job has just begun to depend on measurement {id}")))
         })
         .await
     }

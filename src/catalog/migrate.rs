@@ -200,7 +200,9 @@ impl Catalog {
         if version < ours {
             let found =
                 if version == 0 { "found an empty database".to_owned() } else { format!("found version {version}") };
-            return Err(CatalogError::Schema(format!("{found}, expected {ours} or newer; run `wavelume migrate`")));
+            return Err(CatalogError::Schema(format!(
+                "{found}, expected version {ours} or newer; run `wavelume migrate`"
+            )));
         }
         let reader = self.oldest_reader().await?;
         if reader > ours {
@@ -246,7 +248,7 @@ async fn keep_copy(file: &Path) -> Result<(), CatalogError> {
     let unfit = |reason: String| CatalogError::Unusable { file: kept.clone(), reason };
     let mut connection = AnyConnection::connect(&url(file)?).await?;
     connection.execute("PRAGMA busy_timeout = 20000").await?;
-    let text = partial.to_str().ok_or_else(|| unfit("its path is not UTF-8".to_owned()))?.to_owned();
+    let text = partial.to_str().ok_or_else(|| unfit("the path of its copy is not UTF-8".to_owned()))?.to_owned();
     sqlx::query("VACUUM INTO $1").bind(text).execute(&mut connection).await?;
     connection.close().await?;
     let mut copy = AnyConnection::connect(&url(&partial)?).await?;

@@ -198,7 +198,8 @@ pub(crate) mod testing {
         }
     }
 
-    /// Fills an empty catalog on PostgreSQL with many rows, after the SQL statements `before`.
+    /// Fills an empty catalog on PostgreSQL with this many jobs and materials, after running the SQL statements
+    /// `before`.
     pub(crate) async fn fill(place: &Database, jobs: u32, materials: u32, before: &str) {
         let Database::Server(url) = place else { panic!("{place}") };
         let mut connection = AnyConnection::connect(url).await.unwrap();
@@ -218,8 +219,8 @@ pub(crate) mod testing {
         sqlx::query("UPDATE intents SET expires_at = 0").execute(&catalog.pool).await.unwrap();
     }
 
-    /// Makes times of hours seconds: an announcement lasts for 1 s, an object is deleted 2 s after its announcement has
-    /// expired, and 1 s after another one took its place or its removal has failed.
+    /// Shortens waiting times of hours to seconds, for a test. An announcement lasts for 1 s. An object is deleted 2 s
+    /// after its announcement expired, or 1 s after another object took its place or its removal failed.
     pub(crate) async fn hurry(catalog: &Catalog) {
         for statement in [
             "UPDATE intents SET expires_at = {now} + 1000 WHERE expires_at > {now} + 60000",
@@ -231,7 +232,8 @@ pub(crate) mod testing {
         }
     }
 
-    /// Lets a test's catalog on PostgreSQL record each job that is queued or started, in this order.
+    /// Makes a test's catalog on PostgreSQL record each queueing and each start of a job, in the order in which they
+    /// happen.
     pub(crate) async fn record_starts(catalog: &Catalog) {
         let text = "CREATE TABLE starts (number BIGSERIAL, state TEXT, job TEXT); \
              CREATE FUNCTION record_start() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN \

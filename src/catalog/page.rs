@@ -62,8 +62,8 @@ impl FromStr for Cursor {
     }
 }
 
-/// Returns the statement of a list: `start`, those conditions whose filter is given, and `end`. A filter that is not
-/// given leaves no trace in the statement, so that the database can choose an index for the others.
+/// Returns the SQL statement that reads a list: `start`, those conditions whose filter is given, and `end`. A filter
+/// that is not given leaves no trace in the statement, so that the database can choose an index for the others.
 pub(super) fn filtered(start: &'static str, conditions: &[(bool, &'static str)], end: &'static str) -> SqlStr {
     let mut text = start.to_owned();
     for (_, condition) in conditions.iter().filter(|(given, _)| *given) {

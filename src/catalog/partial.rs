@@ -18,15 +18,15 @@ pub(crate) struct Partial {
     pub id: String,
     /// Size of the whole upload in bytes; `None` if the client has not stated it yet.
     pub length: Option<u64>,
-    /// Number of bytes received so far.
+    /// Number of bytes of the upload that were received so far.
     pub received: u64,
-    /// Number of parts received so far.
+    /// Number of parts of the upload that were received so far.
     pub parts: u32,
-    /// Texts about the upload, as the client has sent them.
+    /// Metadata of the upload (names, and values in Base64), as the client has sent them.
     pub metadata: String,
     /// Time at which the upload expires, ms of the Unix epoch.
     pub expires_ms: i64,
-    /// True if the time at which the upload expires is over.
+    /// True if the upload has expired.
     pub is_expired: bool,
     /// True if a request is writing or reading the upload.
     pub is_held: bool,
@@ -41,7 +41,7 @@ pub(crate) struct NewPartial {
     pub client: String,
     /// Size of the whole upload in bytes, if the client states it.
     pub length: Option<u64>,
-    /// Texts about the upload, as the client has sent them.
+    /// Metadata of the upload (names, and values in Base64), as the client has sent them.
     pub metadata: String,
 }
 
@@ -60,9 +60,9 @@ pub(crate) struct PartialLimits {
     pub bytes_each: u64,
     /// Upper bound on the stated bytes of the uploads of one tenant.
     pub bytes_tenant: u64,
-    /// Bytes that an upload of unknown size counts for.
+    /// Number of bytes that an upload of unknown size adds to the stated bytes.
     pub largest: u64,
-    /// Time after its first byte at which an upload expires.
+    /// Time from the first byte of an upload until the upload expires.
     pub keep: Duration,
 }
 
@@ -77,10 +77,10 @@ pub(crate) enum Begun {
     TooLarge(Bound),
 }
 
-/// Group of uploads that a limit bounds.
+/// Uploads whose number and stated bytes a limit bounds together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Bound {
-    /// All uploads of one client and tenant.
+    /// Uploads of one client for one tenant.
     Client,
     /// All uploads of one tenant.
     Tenant,
@@ -93,9 +93,9 @@ pub(crate) enum Bound {
 pub(crate) enum Held {
     /// The upload is reserved.
     Now(Partial),
-    /// Another request holds the upload.
+    /// Another request has reserved the upload.
     Busy,
-    /// The upload has received another number of bytes than the request assumes.
+    /// The upload has received another number of bytes than the offset of the request states.
     Elsewhere(Partial),
     /// The upload has expired.
     Expired,
@@ -263,9 +263,9 @@ impl Catalog {
         .await
     }
 
-    /// Adds a part, which was announced and stored before, to the upload `before` as the request `holder` found it, and
-    /// ends the reservation. Returns `None` if the upload or the part is not what it was: the part is then removed when
-    /// its announcement expires.
+    /// Adds a part, which was announced and stored before, to an upload, and ends the reservation by the request
+    /// `holder`. `before` is the upload as that request found it. Returns `None` if the upload or the part has changed
+    /// since: the part is then removed when its announcement expires.
     pub(crate) async fn add_part(
         &self,
         before: &Partial,
@@ -374,8 +374,8 @@ impl Catalog {
         .await
     }
 
-    /// Deletes the rows of uploads that have been expired for longer than `remembered`, and returns their number. Their
-    /// parts have expired with them.
+    /// Deletes the rows of uploads that have been expired for longer than `remembered`, and returns their number. The
+    /// announcements of the uploads' parts have expired too.
     pub(crate) async fn forget_partials(&self, remembered: Duration) -> Result<u64, CatalogError> {
         let _turn = self.turn().await;
         let gone = sqlx::query(self.sql("DELETE FROM uploads WHERE expires_at < {now} - $1"))
@@ -386,8 +386,8 @@ impl Catalog {
     }
 }
 
-/// Lists the parts that an upload counts for deletion. A part that is still being written stays announced: it may
-/// arrive late, and is removed when its announcement expires.
+/// Lists for deletion the parts that were added to an upload. A part that is still being written stays announced: it
+/// may arrive late, and is removed when its announcement expires.
 async fn doom_parts(write: &mut Write, id: &str, later: Duration) -> Result<(), CatalogError> {
     let [from, to] = Object::parts_of(id);
     sqlx::query(

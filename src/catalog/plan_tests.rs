@@ -18,7 +18,7 @@ const MATERIALS: u32 = 10_000;
 const MINUTE: Duration = Duration::from_mins(1);
 const DAY: Duration = Duration::from_hours(24);
 
-/// Tables with a row for each stored thing or job: none of them may be read from one end to the other.
+/// Tables that grow with the number of stored objects and jobs. No query plan may read one of them as a whole.
 const GROWING: [&str; 10] = [
     "blobs",
     "intents",
@@ -32,22 +32,22 @@ const GROWING: [&str; 10] = [
     "idempotency_keys",
 ];
 
-/// Bound on the rows that one node of a plan reads: for statements that workers repeat all the time, and for others,
-/// such as a list of the jobs that have failed, one in twenty, behind those that wait.
+/// Upper bounds on the rows that one node of a query plan reads: `FEW` for statements that workers repeat all the time,
+/// `SOME` for others. One of those lists the failed jobs (one in twenty), which stand behind those that wait.
 const FEW: f64 = 250.0;
 const SOME: f64 = 8000.0;
 
-/// Bound like `SOME` for the largest catalog that is tested: a list of ended jobs passes those that wait or run, 10,000
-/// and a few thousand more, and one of a tag that one material in a hundred has passes as many.
+/// Upper bound in place of `SOME` for the largest tested catalog. A list of ended jobs there reads past more than
+/// 10,000 that wait or run; a list by a tag that one material in a hundred has reads past as many materials.
 const MANY: f64 = 16_000.0;
 
-/// Number of rows that a sweep takes at a time: few, so that its plans may read only few.
+/// Number of rows that a sweep takes at a time, below [`FEW`], the bound on the rows that its plans may read.
 const BATCH: u32 = 200;
 
-/// Statement without a table, told from those of the catalog.
+/// Statement that makes PostgreSQL deliver its pending reports. Its own plan reads no table and is ignored.
 const FLUSH: &str = "SELECT 1 AS flush";
 
-/// Subscriber that keeps what PostgreSQL reports to its client.
+/// Log subscriber that keeps the messages which PostgreSQL sends to its client, such as query plans.
 #[derive(Clone, Debug, Default)]
 struct Reports(Arc<Mutex<Vec<String>>>);
 
@@ -93,9 +93,9 @@ impl Subscriber for Reports {
 struct Explained {
     catalog: Catalog,
     reports: Reports,
-    /// Bound on the rows that one node reads for a statement that is not repeated all the time.
+    /// Upper bound on the rows that one node of a query plan reads, for statements that are not repeated all the time.
     most: f64,
-    /// Text before each complaint.
+    /// Text before each reported fault, which names the settings of the check.
     about: String,
     faults: Vec<String>,
 }
@@ -120,8 +120,8 @@ impl Explained {
         Self { catalog, reports: reports.clone(), most, about: mode.to_owned(), faults: Vec::new() }
     }
 
-    /// Awaits an operation of the catalog, and checks the plans of all its statements and of the foreign keys behind
-    /// them. Without `may_sort` none may sort.
+    /// Awaits an operation of the catalog, and checks the query plans of all its statements and of the foreign keys
+    /// behind them. No plan may sort, unless `may_sort` is true.
     async fn check<T>(&mut self, name: &str, most: f64, may_sort: bool, operation: impl Future<Output = T>) -> T {
         self.catalog.pool.execute(FLUSH).await.unwrap();
         self.reports.0.lock().unwrap().clear();
@@ -165,7 +165,7 @@ impl Explained {
     }
 }
 
-/// Returns ids of the jobs in a state, newest first.
+/// Returns the ids of the newest jobs in a state (at most 100), newest first.
 async fn ids(catalog: &Catalog, state: JobState) -> Vec<String> {
     let filter = JobFilter { state: Some(state), measurement: None };
     catalog.jobs(&filter, None, 100).await.unwrap().items.into_iter().map(|row| row.id).collect()
@@ -175,7 +175,7 @@ async fn number(catalog: &Catalog, query: &'static str) -> i64 {
     sqlx::query(query).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()
 }
 
-/// Operations that workers and uploads repeat all the time.
+/// Checks the query plans of operations that workers and uploads repeat all the time.
 async fn work(on: &mut Explained) {
     let catalog = on.catalog.clone();
     let lamp = measurement(&format!("lamp {}", on.about));
@@ -225,7 +225,7 @@ async fn work(on: &mut Explained) {
     }
 }
 
-/// Lists and rows that clients and the watcher of an API node look at.
+/// Checks the query plans of the lists and rows that clients and the watcher of an API node read.
 async fn look(on: &mut Explained) {
     let catalog = on.catalog.clone();
     for state in JobState::ALL {
@@ -313,7 +313,7 @@ async fn look(on: &mut Explained) {
     assert!(matches!(on.check("doom", FEW, false, catalog.doom_unnamed(made, MINUTE)).await.unwrap(), Doom::Doomed(_)));
 }
 
-/// Operations of a sweep.
+/// Checks the query plans of a sweep, the removal of unused stored objects.
 async fn sweep(on: &mut Explained) {
     let catalog = on.catalog.clone();
     assert!(on.check("expired intents", FEW, false, catalog.doom_expired(BATCH, DAY)).await.unwrap() > 9);
@@ -380,7 +380,7 @@ async fn no_statement_reads_a_table_from_one_end_to_the_other() {
     assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), faults.join("\n"));
 }
 
-/// Prints the median and the 99th percentile of times.
+/// Prints the median and the 99th percentile of the durations of an operation.
 fn tell(name: &str, mut times: Vec<Duration>) {
     times.sort_unstable();
     let at = |part: usize| times[(times.len() * part / 100).min(times.len() - 1)].as_secs_f64() * 1e3;

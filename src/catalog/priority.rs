@@ -9,24 +9,25 @@ use utoipa::{PartialSchema, ToSchema};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "i64", into = "i64")]
 pub(crate) enum Priority {
-    /// -1: before all others.
+    /// Priority -1: jobs that start before all jobs of other priorities.
     Urgent,
-    /// 0.
+    /// Priority 0, the default: jobs that start after urgent ones and before batch ones.
     #[default]
     Usual,
-    /// 1: after all others, until it has waited for long.
+    /// Priority 1: jobs that start after all others, until they have waited so long that they count as usual ones.
     Batch,
 }
 
 impl Priority {
-    /// Returns true: a request that is kept, compared or run says nothing about its priority.
+    /// Returns true, so that `serde` never writes the priority of a request: requests are stored, compared and run
+    /// without it.
     #[expect(clippy::trivially_copy_pass_by_ref, clippy::unused_self, reason = "the signature that serde asks for")]
     pub(crate) fn is_left_out(&self) -> bool {
         true
     }
 
-    /// Returns the name of the share of the queue that a client's jobs of this priority take their turns in. So jobs of
-    /// one priority never push back the client's jobs of another.
+    /// Returns the name of the share of the queue in which a client's jobs of this priority take turns. Jobs of one
+    /// priority therefore never push back the client's jobs of another.
     pub(super) fn share(self, client: &str) -> String {
         match self {
             Self::Urgent => format!("{client} urgent"),

@@ -22,7 +22,7 @@ async fn pairs() -> Vec<([Catalog; 2], testing::Guard)> {
     pairs
 }
 
-/// Runs two operations at the same time. The second starts up to 1 ms before or after the first, as `round` says.
+/// Runs two operations at the same time. The second starts up to 1 ms before or after the first, depending on `round`.
 async fn meet<A, B>(round: u32, first: impl Future<Output = A>, second: impl Future<Output = B>) -> (A, B) {
     let barrier = Barrier::new(2);
     let late = |delay: i64| Duration::from_micros(delay.max(0) as u64);

@@ -20,15 +20,16 @@ use std::sync::atomic::Ordering::Relaxed;
 /// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
 pub(super) const COST: i64 = 8;
 
-/// Weight of a tenant with the usual share of the workers: each unit of the cost of its jobs is [`STEP`] ranks.
+/// Weight of a tenant with the usual share of the workers. With this weight each unit of the cost of a job is [`STEP`]
+/// ranks.
 const USUAL: i64 = 100;
 
 /// Number of ranks for each unit of cost of a job whose tenant has the usual weight. Raising it distinguishes larger
 /// weights of tenants.
 const STEP: i64 = 100;
 
-/// Part of the free places in the queue that a process fills before it counts the waiting jobs of all processes again:
-/// one in this number. Raising it keeps to the limit more exactly where several processes queue jobs, and counts more
+/// Part of the free places in the queue, one in this number, that a process fills before it counts the waiting jobs of
+/// all processes again. Raising it keeps to the limit more exactly where several processes queue jobs, and counts more
 /// often; a count of 10,000 waiting jobs takes longer than all else that queueing a job does.
 const ROOM: u64 = 8;
 
@@ -110,8 +111,8 @@ impl Catalog {
     }
 
     /// Lowers the next rank of a share (jobs of one client) by the distance of a job that was cancelled before its
-    /// start, so that later jobs of the share do not wait for it. They may start before waiting jobs of the share, but
-    /// overtake no more jobs of others.
+    /// start, so that later jobs of the share do not wait for it. Later jobs may start before waiting ones of the
+    /// share, but overtake no more jobs of others.
     pub(super) async fn give_back(
         &self,
         write: &mut Write,

@@ -40,9 +40,10 @@ impl Catalog {
     fn silent(&self) -> CatalogError {
         match self.dialect {
             Dialect::Sqlite => CatalogError::Locked,
-            Dialect::Postgres => {
-                CatalogError::Unreachable { place: self.place.to_string(), reason: "no answer in time".to_owned() }
-            }
+            Dialect::Postgres => CatalogError::Unreachable {
+                place: self.place.to_string(),
+                reason: "the server did not answer in time".to_owned(),
+            },
         }
     }
 }

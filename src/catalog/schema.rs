@@ -4,7 +4,7 @@
 use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
-/// Schema and jobs that a program understands.
+/// Edition of the program: the schema migrations that it knows, and the highest version of job arguments that it runs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edition {
     /// File names and SQL texts of all schema migrations; the number in a name is the version that the database
@@ -14,7 +14,7 @@ pub(crate) struct Edition {
     pub(crate) level: i64,
 }
 
-/// Schema and jobs that this program understands.
+/// Edition of this program: the schema migrations that it knows, and the highest version of job arguments that it runs.
 pub(crate) const EDITION: Edition = Edition {
     migrations: &[
         ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
@@ -36,11 +36,12 @@ pub(crate) const VERSION: i64 = EDITION.migrations.len() as i64;
 
 #[cfg(test)]
 tokio::task_local! {
-    /// Edition of the program that the current task stands for: catalogs that it opens behave as that program's.
+    /// Edition of the program for a test. Catalogs that the current task opens behave as those of a program of this
+    /// edition.
     pub(crate) static PROGRAM: Edition;
 }
 
-/// Returns the edition of this program.
+/// Returns the edition of this program (its migrations and version of job arguments), or the one that a test has set.
 pub(super) fn edition() -> Edition {
     #[cfg(test)]
     if let Ok(edition) = PROGRAM.try_with(|edition| *edition) {
@@ -49,7 +50,7 @@ pub(super) fn edition() -> Edition {
     EDITION
 }
 
-/// Beginning of a line of a migration that adds an index.
+/// Beginning of a line of a migration that adds an index; the definition of the index follows.
 const INDEX: &str = "CREATE INDEX IF NOT EXISTS ";
 
 /// Number of the migration that rebuilds the tables of the first version of the schema.
@@ -70,8 +71,8 @@ impl Edition {
         migrator
     }
 
-    /// Returns the migrations after the rebuild: for each its version and the indexes that it adds, as the text between
-    /// `CREATE INDEX IF NOT EXISTS` and the semicolon.
+    /// Returns the migrations after the rebuild of the tables. Each has its version and the definitions of the indexes
+    /// that it adds: the texts between `CREATE INDEX IF NOT EXISTS` and the semicolon.
     pub(super) fn later(self) -> Vec<(i64, Vec<&'static str>)> {
         let index = |line: &'static str| line.strip_prefix(INDEX)?.strip_suffix(';');
         let indexes = |text: &'static str| text.lines().filter_map(index).collect();

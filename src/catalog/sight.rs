@@ -25,7 +25,7 @@ pub(crate) enum Sight {
 /// A material that a tenant may read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Visible {
-    /// Owner of the material.
+    /// Tenant that owns the material.
     pub owner: Tenant,
     /// Name of the material given by the owner.
     pub name: Option<String>,

@@ -6,8 +6,8 @@ use super::error::CatalogError;
 use futures::stream::{BoxStream, StreamExt};
 use sqlx::{Any, AnyConnection, AssertSqlSafe, Executor, Row, Transaction};
 
-/// Tables of a copy with the columns that order their rows. A row comes after those that it refers to, but for the
-/// spectrum of a measurement.
+/// Tables that a copy of a catalog contains, each with the columns by which its rows are sorted. A row comes after
+/// those that it refers to, except for the spectrum of a measurement.
 ///
 /// Left out are the facts about the original, and what belongs to its own store: objects that are being written or wait
 /// for deletion, and unfinished uploads.
@@ -28,7 +28,7 @@ pub(crate) const TABLES: [(&str, &[&str]); 14] = [
     ("unnamed", &["tenant", "digest"]),
 ];
 
-/// Type of a column; the schema has no others.
+/// Type of a column in a table of the catalog; the schema has no others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Text,
@@ -43,7 +43,7 @@ pub(crate) struct Snapshot {
 }
 
 impl Catalog {
-    /// Begins to read the catalog as it is now.
+    /// Begins a read transaction that sees the catalog as it is now.
     pub(crate) async fn snapshot(&self) -> Result<Snapshot, CatalogError> {
         let begin = match self.dialect {
             Dialect::Sqlite => "BEGIN",

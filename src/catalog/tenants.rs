@@ -10,7 +10,7 @@ use std::fmt;
 /// State of a tenant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TenantState {
-    /// The tenant is served.
+    /// Requests of the tenant are answered, and its jobs start.
     Active,
     /// Requests of the tenant are refused, and its waiting jobs do not start; its data are kept.
     Closed,
@@ -29,7 +29,7 @@ pub(crate) struct Quotas {
     pub requests: Option<u64>,
 }
 
-/// Limit on what a tenant may have; `None` is no limit.
+/// Limit on an amount that a tenant may have, such as its number of materials; `None` is no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Limit(pub Option<u64>);
 
@@ -79,7 +79,7 @@ pub(crate) struct TenantChange {
 pub(crate) enum Settled {
     /// The tenant was created or changed as requested; holds its new description.
     Row(Box<TenantRow>),
-    /// The id or the name belongs to another tenant, so nothing was written.
+    /// Another tenant has the requested id or name, so nothing was written.
     Taken,
     /// No tenant has the given id.
     Absent,
@@ -144,7 +144,7 @@ impl Catalog {
         Ok(most.map(|most| most.max(0) as u64))
     }
 
-    /// Creates a tenant with the given name, share and limits.
+    /// Creates a tenant with the given name, weight in the queue of jobs, and limits.
     pub(crate) async fn create_tenant(&self, id: &Tenant, change: &TenantChange) -> Result<Settled, CatalogError> {
         let turn = self.turn().await;
         let name = change.name.clone().unwrap_or_else(|| id.to_string());

@@ -56,7 +56,9 @@ impl fmt::Display for OverQuota {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, limit, used } = self;
         match what {
-            Limited::Bytes => write!(f, "the tenant uses {used} of {limit} bytes; delete something first"),
+            Limited::Bytes => {
+                write!(f, "the tenant uses {used} of {limit} bytes; delete measurements or materials first")
+            }
             Limited::Materials => write!(f, "the tenant has {used} of {limit} materials; delete one of them first"),
             Limited::Queued => write!(f, "{used} of {limit} jobs of the tenant are waiting already"),
         }
@@ -156,7 +158,7 @@ impl Catalog {
             if self.is_to_count(&tenant).await?
                 && let Err(error) = self.count(&tenant).await
             {
-                tracing::error!(%tenant, %error, "the use of a tenant was not counted; it is tried again in a day");
+                tracing::error!(%tenant, %error, "the bytes and materials of a tenant were not counted; the next try is in a day");
             }
         }
         Ok(())

@@ -7,7 +7,7 @@ use serde_json::Value;
 /// Returns the innermost cause of a failed HTTP request, the one that a user can act on.
 pub(crate) fn reason(error: &reqwest::Error) -> String {
     if error.is_timeout() {
-        return "no answer in time".to_owned();
+        return "the server did not answer in time".to_owned();
     }
     let mut cause: &dyn std::error::Error = error;
     while let Some(inner) = cause.source() {

@@ -42,7 +42,7 @@ pub(crate) fn place(text: &str) -> Result<Place, String> {
     Ok(Place::Directory(text.into()))
 }
 
-/// Prints what was copied. Fails if files are missing or damaged, after all others were copied.
+/// Prints a report on copied rows and files. Fails if files are missing or damaged, after all others were copied.
 pub(crate) fn show(report: &impl Serialize, files: &Tally, rows: u64, more: &str, json: bool) -> Result<(), Failure> {
     if json {
         print_json(report)?;

@@ -7,7 +7,7 @@ use crate::domain::{Direction, Quantity};
 use crate::evaluate::{Directions, EvaluateError, Material};
 use std::path::{Path, PathBuf};
 
-/// Upper bound on the values that are computed at once for a table of queries. Raising it costs memory.
+/// Upper bound on the output values that are computed at once for a table of queries. Raising it costs memory.
 const VALUES: usize = 1 << 20;
 /// Upper bound on the rows of a table of queries that are read and answered at once. Raising it costs memory.
 const ROWS: usize = 1 << 14;
@@ -76,7 +76,8 @@ impl Queries {
         Self::open(path, columns)
     }
 
-    /// Opens a table of incoming directions and points of the unit square; each row draws one direction.
+    /// Opens a table for drawing directions at random. Each row has a point of the unit square, and an incoming
+    /// direction if the material depends on one.
     pub(crate) fn drawn(path: &Path, material: &Material) -> Result<Self, Failure> {
         Self::open(path, if sides(material).0 { &["theta_i", "phi_i", "u1", "u2"] } else { &["u1", "u2"] })
     }
@@ -85,7 +86,8 @@ impl Queries {
         Ok(Self { rows: Rows::open(path, columns)?, path: path.to_owned(), columns })
     }
 
-    /// Builds queries from `numbers`, the values of consecutive rows of a table. `before` counts the rows read earlier.
+    /// Builds queries from `numbers`, the values of consecutive rows of a table. `before` is the number of rows read
+    /// earlier, for the row numbers in errors.
     fn block(&self, numbers: &[f64], before: u64) -> Result<Block, Failure> {
         let width = self.columns.len();
         let count = numbers.len() / width;

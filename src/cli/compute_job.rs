@@ -4,5 +4,6 @@ use super::failure::Failure;
 use crate::jobs::compute_job;
 
 pub(crate) fn run() -> Result<(), Failure> {
-    compute_job().map_err(|error| Failure::failed(format!("a worker starts this command with a job: {error}")))
+    compute_job()
+        .map_err(|error| Failure::failed(format!("expected a job from the worker that starts this command: {error}")))
 }

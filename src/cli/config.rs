@@ -41,8 +41,8 @@ pub(crate) struct Args {
     /// Print the settings as one line of JSON
     #[arg(long)]
     json: bool,
-    /// Settings of the service that the command line, the environment and the configuration file state; set after all
-    /// three were read.
+    /// Effective settings of the service, from the command line, the environment and the configuration file. Set after
+    /// all three were read.
     #[arg(skip)]
     effective: Effective,
 }
@@ -61,11 +61,11 @@ struct Given {
     name: String,
     flag: String,
     variable: String,
-    /// Value of the setting; `None` if it has none.
+    /// Effective value of the setting; `None` if it is not set and has no default.
     value: Option<Value>,
     has_password: bool,
     source: Source,
-    /// Commands with a default of their own, and these defaults: `worker: 10min`.
+    /// Commands in which the setting has another default, each with that default, such as `worker: 10min`.
     other_defaults: String,
 }
 
@@ -73,14 +73,14 @@ struct Given {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
     Default,
-    /// Configuration file, and the line in it.
+    /// The configuration file, on the line with this number.
     File(usize),
     Environment,
     Flag,
 }
 
-/// Upper bound on the column at which the comments of the printed file are aligned. Longer values have theirs further
-/// right.
+/// Upper bound on the column at which the comments of a printed configuration are aligned. A comment after a longer
+/// value stands further right.
 const COMMENTS: usize = 48;
 
 impl Args {

@@ -24,11 +24,11 @@ pub(super) struct ConfigFile {
 #[derive(Debug)]
 pub(super) struct Entry {
     texts: Vec<String>,
-    /// Line of the value in the file, counted from 1.
+    /// Line of the configuration file that has the value, counted from 1.
     pub(super) line: usize,
 }
 
-/// Keys that are known, and the text of the file that is being checked.
+/// Checker of a configuration file: the known keys, and the text of the file.
 struct Reader<'a> {
     keys: &'a [Key],
     text: &'a str,
@@ -46,7 +46,7 @@ impl ConfigFile {
         Ok(Self { path: path.to_owned(), entries })
     }
 
-    /// Returns the value of a key, if the file has it.
+    /// Returns the entry of a configuration key, if the file has it.
     pub(super) fn entry(&self, key: &Key) -> Option<&Entry> {
         self.entries.get(&key.name)
     }
@@ -101,7 +101,7 @@ impl Reader<'_> {
         self.keys.iter().find(|key| key.section == section && key.name == name)
     }
 
-    /// Checks one key and its value, and adds them to the entries.
+    /// Checks one key of the configuration file and its value, and adds them to `entries`.
     fn enter(
         &self,
         entries: &mut BTreeMap<String, Entry>,
@@ -118,7 +118,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Returns the texts of a value, which are valid for the option of the key.
+    /// Converts a value of the configuration file to texts of the command line. Fails unless the option of the key
+    /// accepts each text.
     fn texts(&self, key: &Key, value: &Spanned<DeValue<'_>>) -> Result<Vec<String>, String> {
         let wrong = || {
             self.refuse(&value.span(), &format!("{} for `{}`", found(value.get_ref()), key.full_name()), key.expected())
@@ -184,7 +185,7 @@ impl Reader<'_> {
         lines(&self.text.as_bytes()[..span.start.min(self.text.len())])
     }
 
-    /// Returns the place of a part of the file in words; a column counts characters from 1.
+    /// Returns the line and the column of a part of the configuration file in words. A column counts characters from 1.
     fn place(&self, span: &Range<usize>) -> String {
         let before = self.text.get(..span.start).unwrap_or(self.text);
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
@@ -192,7 +193,7 @@ impl Reader<'_> {
     }
 }
 
-/// Returns the number of the line that follows `before`, counted from 1.
+/// Returns the number, counted from 1, of the line that follows the bytes `before` of a file.
 fn lines(before: &[u8]) -> usize {
     before.split(|byte| *byte == b'\n').count()
 }

@@ -8,7 +8,7 @@ use clap::{Arg, ArgAction, ArgMatches};
 use serde_json::{Map, Value};
 use std::path::PathBuf;
 
-/// Returns the name of an option on the command line.
+/// Returns the name of a declared option on the command line, without the two dashes.
 fn long(declared: &Declared) -> String {
     let name = declared.name.replace('_', "-");
     if is_switched_off(declared) { format!("no-{name}") } else { name }
@@ -19,9 +19,9 @@ fn is_switched_off(declared: &Declared) -> bool {
     matches!(declared.values, Values::Switch) && (declared.default)() == true
 }
 
-/// Returns the declared help text of an option without its last full stop, as on the command line. Names that the
-/// option accepts follow, unless they stand in the place of its value. The option `--no-NAME` says that it switches
-/// off.
+/// Returns the help text of a declared option as the command line shows it, without its last full stop. The names that
+/// the option accepts follow, unless they stand in the place of its value. For an option `--no-NAME` the text begins
+/// with `Switches off`.
 pub(super) fn help(declared: &Declared) -> String {
     let text = declared.help.trim().trim_end_matches('.');
     match declared.values {
@@ -94,8 +94,8 @@ pub(super) fn path(matches: &ArgMatches, declared: &Declared) -> Option<PathBuf>
     matches.get_one(declared.name).cloned()
 }
 
-/// Implements the traits of clap for a group of options that is made from declarations: its `arguments` adds them to a
-/// command, and its `read` reads what the user stated.
+/// Implements the traits of clap for a group of options that is made from declarations. The group's function
+/// `arguments` adds the options to a command, and its function `read` reads what the user stated.
 macro_rules! declared_args {
     ($type:ident) => {
         impl clap::Args for $type {

@@ -200,7 +200,9 @@ impl Visitor {
         }
         let (job, _) = self.job(&measurement, exhibit.er_l2, None).await?;
         let material = self.material(&job).await?;
-        let material = material.ok_or_else(|| Failure::failed(format!("{}: its material is gone", exhibit.file)))?;
+        let material = material.ok_or_else(|| {
+            Failure::failed(format!("{}: the material compressed from it was deleted meanwhile", exhibit.file))
+        })?;
         Ok(Outcome { material, seconds: start.elapsed().as_secs_f64(), kept: false })
     }
 

@@ -140,7 +140,10 @@ fn sheet(summary: &Summary, bytes: usize) -> Sheet {
         ),
     );
     if error.mask_mismatches > 0 {
-        sheet.line("error added", format!("{} samples are masked on one side only", count(error.mask_mismatches)));
+        sheet.line(
+            "error added",
+            format!("{} samples are masked only in the file or only in the material", count(error.mask_mismatches)),
+        );
     }
     let places = if error.pairs == export::PAIRS { "pairs of directions" } else { "places" };
     sheet.line("compared", format!("{} at {} {places}", error.compared, count(error.pairs as u64)));

@@ -34,7 +34,7 @@ impl Failure {
         Self::Usage(message.to_string())
     }
 
-    /// The exit code of the process.
+    /// Returns the exit code of the process for this failure.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => 2,

@@ -184,8 +184,8 @@ struct Material {
     origin: StatedOrigin,
 }
 
-/// Describes in words the interpolation between the directions of a grid of angles. `straight_lines` is the share of
-/// linear interpolation, from 0 to 1.
+/// Describes in words the interpolation between the directions of a grid of angles. `straight_lines` is the weight of
+/// linear interpolation, from 0 to 1; the rest is cubic.
 fn interpolation(straight_lines: f64) -> String {
     match straight_lines {
         0.0 => "cubics of logarithms".to_owned(),

@@ -29,7 +29,8 @@ enum When {
     Off,
 }
 
-/// Program of the running process on Linux. It stays the same when its file is replaced by a newer version.
+/// Path under Linux of the program that the process runs. A newer file in place of the program's file does not change
+/// it.
 const SELF: &str = "/proc/self/exe";
 
 impl IsolateArgs {

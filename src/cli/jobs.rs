@@ -14,7 +14,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::time::Duration;
 
-/// Action on the jobs of a service.
+/// Command line of `wavelume jobs`, which acts on the jobs of a running service.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Each command sends the access key in the environment variable WAVELUME_KEY, which a service with keys needs"
@@ -104,9 +104,9 @@ struct ShownProblem {
 }
 
 impl Shown {
-    /// Takes the facts to print from the description of a job. Fails if one of them is missing.
+    /// Takes the facts that the command prints from the JSON description of a job. Fails if one of them is missing.
     fn of(job: Value) -> Result<Self, Failure> {
-        let unfit = |error| Failure::failed(format!("the service describes a job in another way: {error}"));
+        let unfit = |error| Failure::failed(format!("found a job description that this program cannot read: {error}"));
         serde_json::from_value(job).map_err(unfit)
     }
 }
@@ -184,7 +184,7 @@ impl ServiceArgs {
             let value = HeaderValue::from_str(&format!("Bearer {}", key.to_string_lossy().trim()));
             // The text is not shown: it may be a key with one character too many.
             let mut value =
-                value.map_err(|_| Failure::usage(format!("{VARIABLE}: found characters that no key has")))?;
+                value.map_err(|_| Failure::usage(format!("{VARIABLE}: found characters that no access key has")))?;
             value.set_sensitive(true);
             builder = builder.default_headers([(AUTHORIZATION, value)].into_iter().collect());
         }

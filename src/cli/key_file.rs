@@ -71,7 +71,8 @@ fn seconds(text: &str) -> Result<u64, String> {
 
 /// Reads the id of a material.
 pub(crate) fn material(text: &str) -> Result<MaterialId, String> {
-    MaterialId::read(text).ok_or_else(|| "expected `b3-` and 64 lower-case hexadecimal digits".to_owned())
+    MaterialId::read(text)
+        .ok_or_else(|| "expected the id of a material: `b3-` and 64 lower-case hexadecimal digits".to_owned())
 }
 
 #[cfg(test)]

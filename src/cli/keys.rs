@@ -145,7 +145,7 @@ async fn create(args: &Create) -> Result<(), Failure> {
             Ok(())
         }
         AddedKey::NoTenant => Err(Failure::usage(format!("--tenant: there is no tenant {}", args.tenant))),
-        AddedKey::Taken => Err(Failure::failed("a random id of a key is taken: try again")),
+        AddedKey::Taken => Err(Failure::failed("the random id of the new key is already taken: try again")),
         AddedKey::Full(valid) => {
             let tenant = &args.tenant;
             Err(Failure::failed(format!("the tenant {tenant} has {valid} of {limit} valid keys (--keys-each)")))
@@ -209,11 +209,11 @@ async fn revoke(args: &Revoke) -> Result<(), Failure> {
     match unknown.as_slice() {
         [] => Ok(()),
         [id] => Err(Failure::failed(format!("there is no key {id}"))),
-        ids => Err(Failure::failed(format!("there are no keys {}", ids.join(", ")))),
+        ids => Err(Failure::failed(format!("there are no keys with the ids {}", ids.join(", ")))),
     }
 }
 
-/// Opens the database of a service. A missing data directory is an error, because it is most likely a typing mistake.
+/// Opens the catalog of a service. A missing data directory is an error, because it is most likely a typing mistake.
 async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
     let site = places.site();
     if site.database.is_none() && !site.data.is_dir() {

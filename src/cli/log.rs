@@ -20,8 +20,8 @@ const LONGEST_LINE: usize = 8 << 10;
 /// lines are lost if the process is killed.
 const GATHERED: Duration = Duration::from_millis(20);
 
-/// Bytes of waiting lines from which they are written at once. Raising it takes memory; lowering it writes more often
-/// under load.
+/// Number of bytes of waiting log lines at which they are written without further waiting. Raising it takes memory;
+/// lowering it writes more often under load.
 const ROOM: usize = 32 << 10;
 
 /// Destination of the log of this process, once the log is started.
@@ -66,7 +66,7 @@ pub fn end_log() {
 struct Output {
     to: Destination,
     waiting: Mutex<Vec<u8>>,
-    /// Signals that a line waits.
+    /// Condition variable that signals a waiting line of the log.
     filled: Condvar,
     gathers: bool,
 }
@@ -84,7 +84,8 @@ impl Output {
         Self::new(file.map_or(Destination::Locked, Destination::Unlocked), !io::stderr().is_terminal())
     }
 
-    /// Creates the destination of the log, and starts the thread that writes waiting lines if it `gathers` lines.
+    /// Creates the destination of the log. If `gathers`, lines of ordinary work wait for others, and a thread is
+    /// started that writes them.
     fn new(to: Destination, gathers: bool) -> Arc<Self> {
         let mut output = Self { to, waiting: Mutex::default(), filled: Condvar::new(), gathers: false };
         let (start, started) = std::sync::mpsc::sync_channel::<Arc<Self>>(1);
@@ -100,7 +101,7 @@ impl Output {
         output
     }
 
-    /// Writes lines a moment after they came, for ever.
+    /// Writes waiting lines of the log, each time a moment after the first of them came. Never returns.
     fn write_waiting(&self) {
         loop {
             let waiting = self.filled.wait_while(self.waiting(), |waiting| waiting.is_empty());
@@ -126,7 +127,8 @@ impl Output {
         self.write(&mut self.waiting());
     }
 
-    /// Writes waiting lines, which the system does not mix with others. A log that cannot be written has no reader.
+    /// Writes the waiting lines in one call, so that the system does not mix them with other output. An error is
+    /// ignored, because there is no other place to report it.
     fn write(&self, waiting: &mut Vec<u8>) {
         let _ = match &self.to {
             Destination::Unlocked(file) => (&*file).write_all(waiting),
@@ -140,7 +142,8 @@ impl Output {
     }
 }
 
-/// Maker of the writer of each event.
+/// Maker of the writers that put events into the log: one for each event, which knows if the event must be written at
+/// once.
 struct Writers {
     to: Arc<Output>,
     colours: bool,
@@ -179,7 +182,7 @@ struct Line<'a> {
 }
 
 impl Write for Line<'_> {
-    /// Writes one event of the log; `event` is its whole text.
+    /// Writes one event to the log as one line; `event` is the whole text of the event.
     fn write(&mut self, event: &[u8]) -> io::Result<usize> {
         let plain =
             event.strip_suffix(b"\n").is_some_and(|line| !line.iter().any(|b| b.is_ascii_control() || *b > 0x7e));
@@ -214,7 +217,7 @@ impl Write for Line<'_> {
 mod tests {
     use super::*;
 
-    /// Output to a new file, and the file.
+    /// Returns an output of the log that writes to a new temporary file, and this file.
     fn output(gathers: bool) -> (Arc<Output>, tempfile::NamedTempFile) {
         let file = tempfile::NamedTempFile::new().unwrap();
         (Output::new(Destination::Unlocked(file.reopen().unwrap()), gathers), file)

@@ -162,7 +162,7 @@ enum Command {
 /// Command line after parsing: a command to run, or a text to show.
 #[derive(Debug)]
 pub enum Parsed {
-    /// A command to run.
+    /// The command line names a command to run.
     Run(Box<Cli>),
     /// Text for stdout: help or the version.
     Show(String),

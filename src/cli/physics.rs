@@ -89,7 +89,7 @@ fn albedo_lines(sheet: &mut Sheet, albedo: &AlbedoReport) {
     }
     sheet.line("albedo", format!("mean {}", three_digits(albedo.mean)));
     if albedo.negative > 0 {
-        sheet.line("albedo", format!("{} are negative, as samples are", count(albedo.negative)));
+        sheet.line("albedo", format!("{} albedos are negative, because samples are negative", count(albedo.negative)));
     }
     sheet.line(
         "energy",
@@ -97,14 +97,14 @@ fn albedo_lines(sheet: &mut Sheet, albedo: &AlbedoReport) {
             Verdict::Holds => "conserved: no albedo above 1".to_owned(),
             Verdict::WithinError => {
                 format!(
-                    "{} above 1, within what compression may add ({})",
+                    "albedo up to {} above 1, within what compression may add ({})",
                     per_cent(albedo.excess),
                     allowed(&albedo.allowance)
                 )
             }
             Verdict::Broken => {
                 format!(
-                    "{} above 1, more than compression may add ({})",
+                    "albedo up to {} above 1, more than compression may add ({})",
                     per_cent(albedo.excess),
                     allowed(&albedo.allowance)
                 )
@@ -124,11 +124,17 @@ fn normalisation_lines(sheet: &mut Sheet, report: &NormalisationReport) {
     sheet.line(
         "normalisation",
         match report.verdict {
-            Verdict::Holds => "holds: every integral is 1".to_owned(),
+            Verdict::Holds => "holds: every integral of the phase function is 1".to_owned(),
             Verdict::WithinError => {
-                format!("{off} off, within what compression may add ({})", allowed(&report.allowance))
+                format!(
+                    "integrals differ from 1 by up to {off}, within what compression may add ({})",
+                    allowed(&report.allowance)
+                )
             }
-            Verdict::Broken => format!("{off} off, more than compression may add ({})", allowed(&report.allowance)),
+            Verdict::Broken => format!(
+                "integrals differ from 1 by up to {off}, more than compression may add ({})",
+                allowed(&report.allowance)
+            ),
         },
     );
 }
@@ -142,7 +148,9 @@ fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, material: &Material) {
     });
     match (flux.total, most) {
         (Some(total), _) => sheet.line("flux", format!("{} {}{entry}", three_digits(total), flux.total_unit)),
-        (None, Some(_)) => sheet.line("flux", format!("by wavelength only{entry}: the unit is {}", material.unit())),
+        (None, Some(_)) => {
+            sheet.line("flux", format!("known by wavelength only{entry}; the unit is {}", material.unit()))
+        }
         (None, None) => sheet.line("flux", format!("masked{entry}")),
     };
     if let (Some((lambda, value)), Some(wavelengths)) = (most, material.wavelengths()) {
@@ -168,7 +176,7 @@ fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
     sheet.line(
         "reciprocity",
         format!(
-            "differs by {} of the light; mean {}, nine tenths below {}",
+            "f(wi, wo) and f(wo, wi) differ by {} of the light; mean over pairs {}, nine tenths of them below {}",
             per_cent(report.light),
             per_cent(report.mean),
             per_cent(report.p90)
@@ -179,7 +187,7 @@ fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
     sheet.line(
         "reciprocity",
         format!(
-            "most {}: {} and back {} between {} and {}{wavelength}",
+            "largest difference {}: f(wi, wo) {}, f(wo, wi) {}, with wi {} and wo {}{wavelength}",
             per_cent(worst.difference),
             three_digits(worst.there),
             three_digits(worst.back),
@@ -190,7 +198,10 @@ fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
     if let Some(error) = report.left_out_error {
         sheet.line(
             "reciprocity",
-            format!("interpolation is in it: a left-out incoming direction is predicted to {}", per_cent(error)),
+            format!(
+                "the differences include interpolation: a left-out incoming direction is predicted with an error of {}",
+                per_cent(error)
+            ),
         );
     }
 }
@@ -243,7 +254,7 @@ mod tests {
         let within = "0.500 % above 1, within what compression may add (er(L2) 1.00 %, at most 5.00 %)";
         assert!(text(Verdict::WithinError, 0.005).contains(within));
         assert!(text(Verdict::Broken, 0.2).contains("20.0 % above 1, more than compression may add"));
-        assert!(text(Verdict::Broken, 0.2).contains("2 are negative, as samples are"));
+        assert!(text(Verdict::Broken, 0.2).contains("2 albedos are negative, because samples are negative"));
     }
 
     /// Renders the physics report of an analytic model that is sampled on `axes`, without compressing the samples.

@@ -132,8 +132,8 @@ pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) 
     );
     if errors.scored_samples < errors.samples - errors.masked_samples {
         let elsewhere = match errors.max_absolute_error_unscored {
-            0.0 => "the others are exact".to_owned(),
-            most => format!("the others are at most {} off", three_digits(most)),
+            0.0 => "the other samples are exact".to_owned(),
+            most => format!("the other samples are at most {} off", three_digits(most)),
         };
         sheet.line(
             label,
@@ -151,7 +151,7 @@ fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     sheet.line("colour", format!("CIEDE2000 largest {largest}, mean {mean}, illuminant {}", colour.illuminant));
     if colour.unscored_spectra > 0 {
         let (scored, others) = (count(colour.spectra), count(colour.unscored_spectra));
-        sheet.line("colour", format!("{scored} spectra; {others} others have too few measured wavelengths"));
+        sheet.line("colour", format!("{scored} spectra compared; {others} others have too few measured wavelengths"));
     }
 }
 
@@ -210,9 +210,9 @@ fn scatter_noise_lines(
     sheet.line("rejected", values);
     if let Some(isolated) = isolated.filter(|isolated| isolated.values < rejected.values) {
         let text = match isolated.values {
-            0 => "of these no value lies alone".to_owned(),
+            0 => "none of the rejected values lies alone".to_owned(),
             values => format!(
-                "of these {} values lie alone: {} of the samples, {} of the light; the others lie together",
+                "{} of the rejected values lie alone: {} of the samples, {} of the light; the others lie together",
                 count(values),
                 per_cent(isolated.samples),
                 per_cent(isolated.light)
@@ -265,7 +265,7 @@ fn stopped_at(auto: &AutoReport) -> String {
             format!("stopped at the {}; the noise of the samples cannot be estimated", uncertainty(u))
         }
         (_, Some(u), Some(noise)) => {
-            format!("stopped at the estimated noise of {}, not below the {}", per_cent(noise), uncertainty(u))
+            format!("stopped at the estimated noise of {}, which is not below the {}", per_cent(noise), uncertainty(u))
         }
         (_, _, Some(noise)) => format!("stopped at the estimated noise of {}", per_cent(noise)),
         _ => "stopped at the estimated noise".to_owned(),

@@ -39,7 +39,7 @@ pub(crate) struct SumArgs {
     is_stated: bool,
 }
 
-/// Number of threads on which a command computes its result.
+/// Option for the number of threads on which a command computes its result.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
     /// Number of threads [default: one per core]; results do not depend on it
@@ -69,7 +69,8 @@ impl SumArgs {
         &self.request
     }
 
-    /// Returns true if the command line states a promise, a policy or a basis, so that the sum is compressed anew.
+    /// Returns true if the command line states a promise, a policy or a basis. A sum of materials is then compressed
+    /// anew.
     pub(crate) fn is_stated(&self) -> bool {
         self.is_stated
     }

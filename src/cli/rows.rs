@@ -22,7 +22,7 @@ pub(crate) struct Rows {
 enum Source {
     /// CSV text, and the positions from 0 of the wanted columns in each line.
     Text { lines: Box<dyn BufRead>, columns: Vec<usize> },
-    /// `NumPy` array, and the number of its rows that are not read yet.
+    /// `NumPy` array, and the number of its rows that were not read yet.
     Array { input: Box<dyn Read>, rows: ArrayRows, left: usize },
 }
 
@@ -98,7 +98,7 @@ impl Rows {
     }
 }
 
-/// Returns the next line that is neither blank nor a comment; `None` at the end.
+/// Returns the next line of a CSV table that is neither blank nor a comment; `None` at the end.
 fn next_line(lines: &mut Box<dyn BufRead>) -> Result<Option<String>, Failure> {
     let mut bytes = Vec::new();
     loop {

@@ -22,7 +22,7 @@ pub(crate) fn block_on_and_abandon<T>(work: impl Future<Output = Result<T, Failu
 
 fn runtime() -> Result<Runtime, Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
-    runtime.map_err(|error| Failure::failed(format!("cannot start the runtime: {error}")))
+    runtime.map_err(|error| Failure::failed(format!("cannot start the asynchronous runtime: {error}")))
 }
 
 /// Returns a future that resolves at the first signal to stop the service. SIGTERM gives notice first, SIGINT stops at

@@ -22,20 +22,20 @@ pub(super) struct Key {
     pub(super) name: String,
     /// Option of the command line whose value this key of the configuration file states.
     pub(super) option: Arg,
-    /// Commands whose default differs from that of `option`, with their default.
+    /// Commands whose default for this key differs from that of `option`, each with its default.
     pub(super) other_defaults: Vec<(String, String)>,
 }
 
 /// Kind of TOML value that a key of the configuration file takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A whole number without a unit.
+    /// A whole number without a unit, such as a count.
     Count,
     /// A size or a time: a text with a unit, or a whole number of bytes or seconds.
     Amount,
-    /// A single text.
+    /// A single text, such as a path.
     Text,
-    /// A list of texts.
+    /// A list of texts, such as host names.
     List,
 }
 
@@ -144,7 +144,7 @@ mod tests {
     use clap::CommandFactory;
     use std::collections::BTreeSet;
 
-    /// Returns the commands that read the configuration file, those below other commands too.
+    /// Collects in `found` all commands that read the configuration file: `command` itself and all commands below it.
     fn readers(command: &Command, found: &mut Vec<Command>) {
         if reads_file(command) {
             found.push(command.clone());

@@ -57,7 +57,9 @@ impl Table {
             Some(path) => {
                 let staged = Staged::new(path)?;
                 if format == TableFormat::Npy && matches!(staged, Staged::Through(_)) {
-                    return Err(Failure::usage("an array needs a file, this is a device or a pipe").about(path));
+                    return Err(
+                        Failure::usage("an array must be written to a file, this is a device or a pipe").about(path)
+                    );
                 }
                 Sink::File(BufWriter::new(staged))
             }

@@ -99,7 +99,7 @@ fn limit(text: &str) -> Result<Limit, String> {
         return Ok(Limit(None));
     }
     let number = text.parse::<u64>().ok().filter(|number| i64::try_from(*number).is_ok());
-    number.map(|number| Limit(Some(number))).ok_or_else(|| "expected a whole number, or `none`".to_owned())
+    number.map(|number| Limit(Some(number))).ok_or_else(|| "expected a limit: a whole number, or `none`".to_owned())
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -191,7 +191,7 @@ fn table(tenants: &[TenantRow]) -> String {
     table.render()
 }
 
-/// Opens the database of a service. A missing data directory is an error, because it is most likely a typing mistake.
+/// Opens the catalog of a service. A missing data directory is an error, because it is most likely a typing mistake.
 async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
     let site = places.site();
     if site.database.is_none() && !site.data.is_dir() {

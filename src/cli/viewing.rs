@@ -65,7 +65,7 @@ fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> R
     match read.samples {
         Samples::OnAxes { tensor, .. } => Ok(tensor),
         Samples::Grid(_) | Samples::Scattered(_) | Samples::Function(_) => {
-            Err(Failure::usage(format!("this is a {} of directions, expected a spectral table", read.quantity))
+            Err(Failure::usage(format!("the file has a {} of directions, expected a spectral table", read.quantity))
                 .about(path))
         }
     }

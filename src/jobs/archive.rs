@@ -33,7 +33,7 @@ pub enum ArchiveError {
     Directory {
         /// Path of the data directory that cannot be created, opened or written.
         directory: PathBuf,
-        /// Error of the operating system.
+        /// Error of the operating system when the directory was used.
         source: std::io::Error,
     },
     /// The store of files belongs to another catalog (database), or this catalog is a copy of another one.
@@ -158,7 +158,7 @@ impl Archive {
         Ok(archive)
     }
 
-    /// Returns the archive as another tenant sees it: rows and stored bytes of others do not exist there.
+    /// Returns the archive as the given tenant sees it: rows and stored bytes of others do not exist there.
     pub(crate) fn of(&self, tenant: &Tenant) -> Self {
         Self { catalog: self.catalog.of(tenant), ..self.clone() }
     }
@@ -244,11 +244,14 @@ impl Archive {
 
     fn is_copy(&self, id: &str, found: Option<&str>) -> ArchiveError {
         let Self { place, database, .. } = self;
-        let carried = found.map_or_else(|| "belongs to no catalog".to_owned(), |found| format!("belongs to {found}"));
+        let carried = found.map_or_else(
+            || "the store belongs to no catalog".to_owned(),
+            |found| format!("the store belongs to {found}"),
+        );
         ArchiveError::Belongs(format!(
-            "the catalog {database} is a copy of the catalog {id}, made by a restored dump, and the store {place} \
-             {carried}: used together they could delete what the original still names. Give the copy a store of its \
-             own, or, if the original is gone for good, take its store over with --adopt-store {id}"
+            "the catalog {database} is a copy of the catalog {id}, made by a restored dump, and is used with \
+             the store {place}; {carried}. The copy could delete there what the original still names. Give the copy a \
+             store of its own, or, if the original is gone for good, take its store over with --adopt-store {id}"
         ))
     }
 }

@@ -63,7 +63,7 @@ impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::Corrupt { .. } | StoreError::NotFound(_) | StoreError::Range { .. } => {
-                tracing::error!(%error, "a stored blob is damaged");
+                tracing::error!(%error, "stored bytes that a job reads are missing or damaged");
                 last(Code::Corrupt, "the stored bytes of the measurement are damaged; upload the file again")
             }
             StoreError::Io(_) | StoreError::Objects(_) => Self::Passing(error.to_string()),

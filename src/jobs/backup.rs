@@ -16,31 +16,31 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio_util::task::AbortOnDropHandle;
 
-/// Number of the form in which backups are written.
+/// Version of the format in which backups are written.
 pub(super) const FORM: u32 = 1;
 
 /// Time for which a killed backup or move still keeps stored objects from being deleted. Raising it bears longer
 /// standstills of a running one.
 const HOLD: Duration = Duration::from_mins(10);
 
-/// Age above which a temporary file is one that a killed backup or restore has left. Raising it keeps such files for
+/// Age above which a temporary file counts as left by a killed backup or restore. Raising it keeps such files for
 /// longer.
 pub(super) const STALE: Duration = Duration::from_hours(24);
 
 /// Description of a backup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Manifest {
-    /// Number of the form in which the backup is written.
+    /// Version of the format in which the backup is written.
     pub form: u32,
-    /// Random id of the backup.
+    /// Random id of the backup, which tells it from other backups of the same catalog.
     pub id: String,
     /// Id of the catalog that was copied.
     pub instance: String,
-    /// Number of the last migration of its schema.
+    /// Number of the last migration of the schema of the copied catalog.
     pub schema: i64,
-    /// Time of the copy in ms of the Unix epoch, by the clock of the database.
+    /// Time at which the catalog was copied, in ms of the Unix epoch, by the clock of the database.
     pub made_ms: i64,
-    /// Tables of the catalog.
+    /// Tables of the copied catalog.
     pub tables: Vec<Table>,
     /// Digests of bytes that were missing or damaged when the backup was made.
     pub lost: Vec<Digest>,
@@ -49,14 +49,14 @@ pub(super) struct Manifest {
 /// Report of a backup; the output of `wavelume backup`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct BackupReport {
-    /// Number of rows of the copied catalog.
+    /// Number of database rows in the copied catalog.
     pub rows: u64,
-    /// Copied files.
+    /// Counts of the copied files and of those that were not copied.
     #[serde(flatten)]
     pub files: Tally,
 }
 
-/// A hold on deletions that is prolonged until it is ended or dropped.
+/// Hold that keeps stored objects from being deleted; prolonged in the catalog until it is ended or dropped.
 pub(super) struct Hold {
     catalog: Catalog,
     name: String,
@@ -77,7 +77,7 @@ impl Hold {
                     match catalog.prolong_hold(&name, HOLD).await {
                         Ok(true) => {}
                         Ok(false) => lapsed.store(true, Ordering::Relaxed),
-                        Err(error) => tracing::warn!(%error, "the hold on deletions was not prolonged"),
+                        Err(error) => tracing::warn!(%error, "the hold that keeps stored objects was not prolonged"),
                     }
                 }
             }
@@ -86,8 +86,8 @@ impl Hold {
         Ok(Self { catalog: catalog.clone(), name, lapsed, _prolonging: prolonging })
     }
 
-    /// Lets other processes delete again. Fails if the hold was interrupted, and `lost` files may have been deleted in
-    /// between.
+    /// Ends the hold, so that processes may delete stored objects again. Fails if the hold was interrupted and there
+    /// are `lost` files, which may have been deleted in between.
     pub(super) async fn end(self, lost: &[Lost]) -> Result<(), ArchiveError> {
         let held = self.catalog.prolong_hold(&self.name, HOLD).await? && !self.lapsed.load(Ordering::Relaxed);
         self.catalog.end_hold(&self.name).await?;
@@ -95,12 +95,14 @@ impl Hold {
             return Ok(());
         }
         Err(ArchiveError::Copy(
-            "this process stood still for too long, and stored bytes were deleted meanwhile: start it again".to_owned(),
+            "this process stood still for too long, and stored bytes were deleted meanwhile: start the backup or the \
+             move again"
+                .to_owned(),
         ))
     }
 }
 
-/// Object of a backup with the bytes of this digest.
+/// Returns the name of the object that holds the bytes of this digest in a backup.
 pub(super) fn kept(digest: Digest) -> Object {
     Object::plain(digest)
 }
@@ -209,8 +211,8 @@ impl Archive {
     }
 }
 
-/// Returns true if a file of an earlier backup is what it should be: of the right size, and with the right digest if
-/// `check` or if the size is not known.
+/// Returns true if a file of an earlier backup has the size that the catalog states, and, if `check` or if the catalog
+/// states none, the right digest.
 async fn is_whole(store: &Arc<dyn Store>, blob: &Stored, size: u64, check: bool) -> Result<bool, ArchiveError> {
     if blob.bytes.is_some_and(|bytes| bytes != size) {
         return Ok(false);
@@ -224,12 +226,15 @@ pub(super) async fn manifest(store: &Arc<dyn Store>, place: &Place) -> Result<Op
     let wrong = |reason: String| ArchiveError::Copy(format!("{BACKUP} of {place} cannot be used: {reason}"));
     let form: Form = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
     if form.form > FORM {
-        return Err(wrong(format!("found form {}, expected at most {FORM}; use a newer program", form.form)));
+        return Err(wrong(format!(
+            "found the backup format {}, expected at most {FORM}; use a newer program",
+            form.form
+        )));
     }
     serde_json::from_str(&text).map(Some).map_err(|error| wrong(error.to_string()))
 }
 
-/// Number of the form of a backup, which a later program may describe in another way.
+/// Version of the format of a backup, read first because a later program may describe a backup in another way.
 #[derive(Deserialize)]
 struct Form {
     form: u32,

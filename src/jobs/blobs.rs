@@ -99,7 +99,7 @@ impl Archive {
         tracing::error!(object = %blob.object, %error, "stored bytes are missing or damaged");
         metrics::counter!("wavelume_damaged_blobs_total").increment(1);
         if let Err(error) = self.mark_damaged(&blob.object).await {
-            tracing::error!(object = %blob.object, %error, "the damage was not noted");
+            tracing::error!(object = %blob.object, %error, "the catalog could not mark stored bytes as damaged");
         }
         error
     }

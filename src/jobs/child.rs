@@ -108,7 +108,7 @@ fn work(order: Order<Value>, progress: &Out) -> Message {
     }
 }
 
-/// Standard output, with the progress that was reported on it last.
+/// Standard output of the process of a job, with the fraction of progress that was sent last.
 struct Out {
     sent: Mutex<(f64, io::Stdout)>,
 }

@@ -51,7 +51,8 @@ impl Work for CompressRequest {
     }
 }
 
-/// Compression of the bytes of a measurement, the first file; a second one is the spectrum to join.
+/// Compression of a measurement, as the process of a job gets it. The first file holds the bytes of the measurement; a
+/// second one, if any, those of the spectrum by which it is multiplied.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Compression {
     interpretation: Interpretation,

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Computation of one kind of job. Its value, written as JSON, is what a process of its own gets.
 pub(super) trait Computation: Serialize + DeserializeOwned + Send + Sync + 'static {
-    /// Name by which a process of its own finds the computation.
+    /// Name of the computation, by which the process of a job chooses its code.
     const NAME: &'static str;
 
     /// Computes the result of a job from files. Uses processor and memory only.

@@ -8,7 +8,7 @@ use std::time::Duration;
 /// Configuration of the work of a service: data directory, threads, jobs at a time and limits.
 #[derive(Clone, Debug)]
 pub struct WorkConfig {
-    /// Data directory, catalog and store.
+    /// Places of the data directory, of the catalog's database and of the store.
     pub site: Site,
     /// Threads of each pool that computes; 0 = one per core.
     pub threads: usize,

@@ -65,7 +65,7 @@ async fn used(archive: &Archive, measurement: Digest) -> Digest {
     published.digest()
 }
 
-/// Checks that a copy has these files and the rows of [`used`], and is sound.
+/// Checks that a copied service is sound, and has these files and the rows that [`used`] made.
 async fn is_whole(archive: &Archive, files: &[(Digest, Vec<u8>)], material: Digest) {
     assert_eq!(archive.check().await.unwrap().faults, []);
     for (id, bytes) in files {
@@ -179,7 +179,7 @@ async fn a_killed_backup_and_a_killed_restore_go_on() {
     }
 }
 
-/// Starts an operation, ends it at later and later times, and runs it to its end at last.
+/// Runs an operation several times, each time killed after a longer time, and at last to its end.
 async fn killed<T, F: Future<Output = Result<T, ArchiveError>>>(operation: impl Fn() -> F) -> Result<T, ArchiveError> {
     for time in [10, 60, 150, 400] {
         if let Ok(done) = tokio::time::timeout(Duration::from_millis(time), operation()).await {

@@ -91,11 +91,14 @@ impl Manifest {
     pub(crate) fn document(&self) -> Result<Map<String, Value>, serde_json::Error> {
         match serde_json::to_value(self)? {
             Value::Object(document) => Ok(document),
-            other => Err(serde::ser::Error::custom(format!("a manifest is an object, found {other}"))),
+            other => Err(serde::ser::Error::custom(format!(
+                "expected a JSON object as the description of a material, found {other}"
+            ))),
         }
     }
 
-    /// Removes what tells of the measurements of the material: their ids, their bytes, and how they were read.
+    /// Removes what the description of a material tells about its measurements: their ids, the digests of their bytes,
+    /// the options with which they were read, and the compression request.
     pub(crate) fn hide_measurements(&mut self) {
         self.measured_again.clear();
         let provenance = &mut self.provenance;

@@ -12,26 +12,26 @@ use serde_json::Value;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
 
-/// Bytes of rows that are collected before they are compressed. Raising it needs more memory.
+/// Number of bytes of catalog rows that are collected before they are compressed. Raising it needs more memory.
 const PIECE: usize = 1 << 20;
 
-/// Upper bound on the rows, and on their bytes, that are read from a file at once. Raising it writes larger statements
-/// to the database, and needs more memory.
+/// Upper bounds on the number of rows of a copied catalog, and on their bytes, that are read from a file at once.
+/// Raising them writes larger statements to the database, and needs more memory.
 const BATCH: (usize, u64) = (500, 4 << 20);
 
-/// Upper bound on the bytes of one row. Raising it lets a damaged file take more memory.
+/// Upper bound on the bytes of one row in the file of a copied table. Raising it lets a damaged file take more memory.
 const LONGEST: u64 = 64 << 20;
 
 /// A table of a copied catalog, as a backup describes it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Table {
-    /// Name of the table.
+    /// Name of the table in the database.
     pub name: String,
     /// Names of the columns, in the order of the values of a row.
     pub columns: Vec<String>,
-    /// Number of rows.
+    /// Number of rows in the copied table.
     pub rows: u64,
-    /// Digest of the compressed file.
+    /// Digest of the compressed file that holds the rows.
     pub digest: Digest,
     /// Size of the compressed file in bytes.
     pub bytes: u64,
@@ -41,14 +41,14 @@ pub(super) struct Table {
 #[derive(Debug)]
 pub(super) struct Dump(pub Vec<(Table, Staged)>);
 
-/// Rows of a table, read batch by batch.
+/// Rows of one table of a copied catalog, read batch by batch.
 pub(super) struct Rows {
     lines: Option<BufReader<MultiGzDecoder<File>>>,
     table: Table,
     read: u64,
 }
 
-/// Writes to a staged file what a compressor makes.
+/// Writer that passes compressed bytes on to a staged (temporary) file.
 struct Sink(StagedWriter);
 
 impl Write for Sink {
@@ -109,22 +109,23 @@ impl Dump {
         Ok(Self(tables))
     }
 
-    /// Returns true if both hold the same rows.
+    /// Returns true if both copies of a catalog have equal tables: names, columns, numbers of rows, and digests of the
+    /// rows.
     pub(super) fn equals(&self, other: &Self) -> bool {
         self.0.iter().map(|(table, _)| table).eq(other.0.iter().map(|(table, _)| table))
     }
 
-    /// Returns the number of rows of all tables.
+    /// Returns the number of rows of all tables of the copied catalog.
     pub(super) fn rows(&self) -> u64 {
         self.0.iter().map(|(table, _)| table.rows).sum()
     }
 
-    /// Returns true if there is a table with this name.
+    /// Returns true if the copied catalog has a table with this name.
     pub(super) fn has(&self, name: &str) -> bool {
         self.0.iter().any(|(table, _)| table.name == name)
     }
 
-    /// Begins to read the rows of one table.
+    /// Begins to read the rows of the table called `name` in the copied catalog.
     pub(super) fn read(&self, name: &str) -> Result<Rows, ArchiveError> {
         let found = self.0.iter().find(|(table, _)| table.name == name);
         let (table, staged) =
@@ -135,18 +136,18 @@ impl Dump {
 }
 
 impl Rows {
-    /// Returns the position of a column in each row.
+    /// Returns the position, from 0, of the column called `name` among the values of a row.
     pub(super) fn column(&self, name: &str) -> Result<usize, ArchiveError> {
         let found = self.table.columns.iter().position(|column| column == name);
         found.ok_or_else(|| ArchiveError::Copy(format!("the copied table {} has no column {name}", self.table.name)))
     }
 
-    /// Returns the names of the columns.
+    /// Returns the names of the columns of the table, in the order of the values of a row.
     pub(super) fn columns(&self) -> &[String] {
         &self.table.columns
     }
 
-    /// Returns the next rows; none at the end.
+    /// Returns the next batch of rows of the table, each an array of values; empty at the end.
     pub(super) async fn next(&mut self) -> Result<Vec<Value>, ArchiveError> {
         let Some(mut lines) = self.lines.take() else { return Ok(Vec::new()) };
         let columns = self.table.columns.len();
@@ -161,7 +162,7 @@ impl Rows {
                 let row: Vec<Value> = serde_json::from_slice(&line).map_err(io::Error::other)?;
                 if row.len() != columns {
                     return Err(StoreError::Io(io::Error::other(format!(
-                        "found {} values in a row, expected {columns}",
+                        "found {} values in a row of the table, expected {columns}",
                         row.len()
                     ))));
                 }

@@ -27,7 +27,7 @@ pub(crate) struct Engine {
     pub(crate) background: Maths,
     /// Way in which jobs are computed in processes of their own; `None` leaves them to `background`.
     pub(crate) isolation: Option<Isolation>,
-    /// Threads for the parsing of uploads.
+    /// Threads that parse uploads and compare uploaded materials with measurements.
     pub(crate) background_light: Maths,
     /// Threads for opening and evaluating materials, separate so that a query never waits behind a compression.
     pub(crate) queries: Maths,
@@ -38,7 +38,7 @@ pub(crate) struct Engine {
     pub(crate) hub: Hub,
     pub(crate) presence: Arc<Presence>,
     opened: moka::future::Cache<(Tenant, Digest), Arc<Material>>,
-    /// Ids of jobs that this version cannot read.
+    /// Ids of queued jobs that only a newer version of the program can read.
     newer: Arc<Mutex<Vec<String>>>,
     /// Time at which other processes were last told of a job.
     told: Arc<Mutex<Option<Instant>>>,
@@ -198,7 +198,7 @@ impl Engine {
             due
         };
         if due && let Err(error) = self.archive.catalog.tell_queued().await {
-            tracing::warn!(%error, "other processes were not told of a job");
+            tracing::warn!(%error, "other processes were not told that a job is queued");
         }
     }
 

@@ -18,11 +18,11 @@ pub(super) const UNREADABLE: &str = "unreadable";
 /// Row about stored bytes in a copied catalog.
 #[derive(Clone, Debug)]
 pub(super) struct Stored {
-    /// Object of the original that holds the bytes.
+    /// Object that held the bytes in the store of the copied catalog.
     pub object: Object,
     /// Size in bytes; `None` if the original did not know it.
     pub bytes: Option<u64>,
-    /// Time of the row in ms of the Unix epoch.
+    /// Time at which the original's row about the bytes was made, in ms of the Unix epoch.
     pub created_at: i64,
 }
 
@@ -32,13 +32,14 @@ pub(crate) struct Lost {
     /// Tenant that owns the stored bytes; left out of a report if it is the default tenant.
     #[serde(skip_serializing_if = "Tenant::is_default")]
     pub tenant: Tenant,
-    /// Digest of the bytes.
+    /// Digest under which the bytes were stored.
     pub digest: Digest,
     /// Kind of the fault: `corrupt`, `missing` or `unreadable`.
     pub kind: &'static str,
 }
 
-/// Count of copied files, of files that were there already, and of those that could not be copied.
+/// Outcome for the files of a copy: counts of copied files and of those that an earlier copy has left, and the files
+/// that could not be copied.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct Tally {
     /// Number of files that were copied.
@@ -54,13 +55,13 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts a file that was copied.
+    /// Adds a file of `bytes` bytes to the count of copied files.
     pub(super) fn copied(&mut self, bytes: u64) {
         self.copied_blobs += 1;
         self.copied_bytes += bytes;
     }
 
-    /// Counts a file that an earlier copy has left.
+    /// Adds a file of `bytes` bytes to the count of those that were not copied, because an earlier copy has left them.
     pub(super) fn there(&mut self, bytes: u64) {
         self.there_blobs += 1;
         self.there_bytes += bytes;
@@ -103,8 +104,9 @@ pub(super) async fn fetch(store: &Arc<dyn Store>, object: &Object, staging: &Sta
     blocking(move || writer.finish()).await
 }
 
-/// Like [`fetch`], but looks twice at a faulty object, and for another one that holds the same bytes now in the catalog
-/// of the original, if that is at hand. Returns the fault if both are faulty. Fails if the store itself is away.
+/// Fetches an object like [`fetch`], with a second try if it is faulty. The second try reads the object that now holds
+/// the same bytes according to the catalog of the original, if this catalog is at hand. Returns the fault if the second
+/// try finds one, too. Fails if the store itself is away.
 pub(super) async fn fetch_or_lose(
     store: &Arc<dyn Store>,
     catalog: Option<&Catalog>,

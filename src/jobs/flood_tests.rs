@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
-/// Number of workers of the test.
+/// Number of workers that run the jobs of the test.
 const WORKERS: usize = 2;
 
 /// Number of jobs that the tenant with few jobs sends, one after the other.

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt::Write;
 
-/// A job for the queue.
+/// Job to be queued: its arguments as text, its priority, and the measurement that it reads.
 pub(crate) trait Queued {
     /// Returns the measurement that the job reads, if any.
     fn measurement(&self) -> Option<Digest>;
@@ -42,7 +42,10 @@ pub(super) fn encode<T: Serialize>(frame: &T) -> Result<String, FrameError> {
     let bytes =
         bincode::serde::encode_to_vec(frame, config()).map_err(|error| FrameError::Damaged(error.to_string()))?;
     if bytes.len() > LIMIT {
-        return Err(FrameError::Damaged(format!("{} bytes, the limit is {LIMIT}", bytes.len())));
+        return Err(FrameError::Damaged(format!(
+            "found {} bytes of encoded arguments, expected at most {LIMIT}",
+            bytes.len()
+        )));
     }
     let mut text = String::with_capacity(2 * bytes.len());
     for byte in bytes {
@@ -55,7 +58,11 @@ pub(super) fn encode<T: Serialize>(frame: &T) -> Result<String, FrameError> {
 /// Decodes the arguments of a job from their text in the job queue.
 pub(super) fn decode<T: DeserializeOwned>(text: &str) -> Result<T, FrameError> {
     if text.len() > 2 * LIMIT {
-        return Err(FrameError::Damaged(format!("{} characters, the limit is {}", text.len(), 2 * LIMIT)));
+        return Err(FrameError::Damaged(format!(
+            "found a text of {} characters, expected at most {}",
+            text.len(),
+            2 * LIMIT
+        )));
     }
     let digit = |b: u8| char::from(b).to_digit(16).map(|digit| digit as u8);
     let bytes: Option<Vec<u8>> =

@@ -16,7 +16,7 @@ pub struct FsckReport {
     pub checked_blobs: u64,
     /// Total size in bytes of the stored files whose recomputed digest was right.
     pub checked_bytes: u64,
-    /// Faults found by the check; empty if there are none.
+    /// Faults that the check of the stored files found; empty if there are none.
     pub faults: Vec<Fault>,
 }
 
@@ -118,8 +118,8 @@ impl Archive {
         Ok(report)
     }
 
-    /// Compares the stored files of one tenant with the catalog. Once `due` is at least 1, the digest of the next file
-    /// is recomputed.
+    /// Compares the stored files of one tenant with the catalog. Each file adds the fraction of files to check,
+    /// `check.sample`, to `due`; once `due` is at least 1, the digest of the next file is recomputed.
     async fn check_tenant(&self, check: Check, due: &mut f64, report: &mut FsckReport) -> Result<(), ArchiveError> {
         let tenant = self.catalog.tenant();
         // A 256th at a time, so that neither all rows nor all names must fit into memory. Many small tenants would need
@@ -175,7 +175,7 @@ impl Archive {
         Some(self.catalog.tenant()).filter(|tenant| !tenant.is_default()).map(ToString::to_string)
     }
 
-    /// Checks an object that no row about stored bytes names.
+    /// Checks an object in the store that no row of the catalog lists.
     async fn check_stray(
         &self,
         object: &Object,

@@ -96,12 +96,12 @@ impl Hub {
         self.changes.subscribe()
     }
 
-    /// Notifies a worker that there is a new job.
+    /// Wakes one waiting worker of this process, because a new job is queued.
     pub(crate) fn queued(&self) {
         self.queued.notify_one();
     }
 
-    /// Waits for a new job.
+    /// Waits until a new job may be queued.
     pub(crate) async fn wait_for_job(&self) {
         self.queued.notified().await;
     }

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 /// Way in which each job is computed in a process of its own.
 #[derive(Clone, Debug)]
 pub(crate) struct Isolation {
-    /// Program of the process: this program.
+    /// Program that is started as the process of a job: this program.
     pub(super) program: PathBuf,
-    /// Number of threads of each process.
+    /// Number of threads on which the process of one job computes.
     pub(super) threads: usize,
     /// Upper bound in bytes on the memory of each process; `None` if the memory of the machine is not known.
     pub(super) memory: Option<u64>,
@@ -30,7 +30,7 @@ impl Isolation {
         Some(Self { program, threads, memory })
     }
 
-    /// Returns the limit on the memory of one job as text for the user.
+    /// Returns the upper bound on the memory of one job, in words for the user.
     pub(super) fn limit(&self) -> String {
         self.memory.map_or_else(|| "the machine's memory".to_owned(), |bytes| Unit::Bytes.show(bytes))
     }

@@ -104,7 +104,7 @@ macro_rules! kinds {
             }
         }
 
-        /// Does the computation called `name`, which is written as JSON.
+        /// Does the computation of the kind called `name`; `computation` holds its arguments as JSON.
         pub(super) fn compute(
             name: &str,
             computation: Value,

@@ -78,7 +78,7 @@ struct Candidate {
     size: u64,
 }
 
-/// Memory for the bytes of measurements, which are read one after the other: as much as the largest of them.
+/// Memory held for the bytes of measurements, as much as the largest of them needs: they are read one after the other.
 struct Room<'a> {
     held: u64,
     more: &'a mut (dyn FnMut(u64) -> bool + Send),
@@ -132,7 +132,9 @@ impl Engine {
             match added {
                 Uploaded::Stored(is_new) => {
                     let row = self.archive.catalog.material(new.id).await.map_err(IngestError::from)?;
-                    let row = row.ok_or_else(|| MaterialError::Described("it was deleted at once".to_owned()))?;
+                    let row = row.ok_or_else(|| {
+                        MaterialError::Described("the material was deleted right after it was stored".to_owned())
+                    })?;
                     return Ok((row, is_new));
                 }
                 Uploaded::NoMeasurement(id) => break MaterialError::NoMeasurement(id),
@@ -154,9 +156,10 @@ impl Engine {
         self.archive.catalog.lacks_room(bytes, 1).await
     }
 
-    /// Compares an uploaded material with the measurements that the client names, or with the stored ones whose bytes
-    /// have the digest that the file states. Those found by digest are left out if they were read with other options,
-    /// which larger errors than stated may show, too; a single one that was read without options is then refused.
+    /// Compares an uploaded material with stored measurements: those that the client names, or else those whose bytes
+    /// have the digest that the file states. A named measurement must not show larger errors than the file states. One
+    /// found by digest that shows larger errors is left out, because it may have been read with other options. If it is
+    /// the only one that was compared, and was read without options, the material is refused.
     async fn compare(
         self: &Arc<Self>,
         bytes: Vec<u8>,
@@ -203,17 +206,22 @@ impl Engine {
                 Ok(found) => match excess(&report.errors, &found.errors) {
                     None => compared.push((row, options, found)),
                     Some(excess) => {
-                        let detail = format!("against measurement {id} {excess}; the material was not made from it");
+                        let detail =
+                            format!("compared with measurement {id}, {excess}: the material was not made from it");
                         if !named.is_empty() {
                             return Err(MaterialError::NotOf(detail));
                         }
-                        tracing::debug!(measurement = %id, excess, "not the measurement of an uploaded material");
+                        tracing::debug!(
+                            measurement = %id, excess, "an uploaded material was made from another measurement"
+                        );
                         refusal = refusal.or(options.is_default().then_some(detail));
                     }
                 },
                 // Read with other options, the same bytes are another measurement.
                 Err(error) if named.is_empty() => {
-                    tracing::debug!(measurement = %id, %error, "not the measurement of an uploaded material");
+                    tracing::debug!(
+                        measurement = %id, %error, "an uploaded material cannot be compared with a measurement"
+                    );
                 }
                 Err(error) => return Err(MaterialError::NotOf(format!("measurement {id}: {error}"))),
             }
@@ -250,11 +258,13 @@ fn is_joined_alike(options: &Options, origin: &StatedOrigin) -> bool {
     options.spectrum.map(|id| id.to_string()) == origin.spectrum_digest
 }
 
-/// Describes the first error measure that is larger than the material states; `None` if all are as stated.
+/// Describes the first error measure of a material that is larger than its file states; `None` if none is.
 fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String> {
     if found.mask_mismatches > stated.mask_mismatches {
         let (found, stated) = (found.mask_mismatches, stated.mask_mismatches);
-        return Some(format!("{found} samples are masked in one of the two only, the file states {stated}"));
+        return Some(format!(
+            "{found} samples are masked in the measurement or the material only, the file states {stated}"
+        ));
     }
     let measures = [
         ("er_l2", stated.er_l2, found.er_l2),

@@ -76,7 +76,7 @@ impl Maths {
         self.spawn(turn, work).await
     }
 
-    /// Runs `work` on the thread pool, and holds the permit `place` until the work ends.
+    /// Runs `work` on the thread pool, and keeps the permit `place` to use the pool until the work ends.
     async fn spawn<T: Send + 'static>(
         &self,
         place: impl Send + 'static,

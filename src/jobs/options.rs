@@ -14,7 +14,8 @@ use utoipa::{PartialSchema, ToSchema};
 /// Reading option that an upload does not have: it selects one file of an archive, whereas an upload makes a
 /// measurement of each file.
 const NOT_UPLOADED: &str = "member";
-/// Option that an upload has from the manifest beside an array in an archive.
+/// Name of the reading option for the axes of an array, which an upload has from the manifest beside the array in an
+/// archive.
 const UNPACKED: &str = "axes";
 
 /// Options for reading the bytes of a measurement; kept in the JSON description of the measurement in the database. An

@@ -48,14 +48,16 @@ impl PaperRequest {
     fn numbers(&self) -> Result<Vec<u8>, String> {
         let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
         if wanted.is_empty() {
-            return Err("tables: none, expected some of 1 to 7, or no `tables` for all".to_owned());
+            return Err(
+                "tables: found an empty list, expected table numbers from 1 to 7, or no `tables` for all".to_owned()
+            );
         }
         let mut numbers = Vec::new();
         for &wanted in wanted {
             let known = TABLES.into_iter().find(|&number| i64::from(number) == wanted);
-            let number = known.ok_or_else(|| format!("tables: found {wanted}, expected 1 to 7"))?;
+            let number = known.ok_or_else(|| format!("tables: found {wanted}, expected table numbers from 1 to 7"))?;
             if numbers.contains(&number) {
-                return Err(format!("tables: {number} twice, expected each once"));
+                return Err(format!("tables: found table {number} twice, expected each table once"));
             }
             numbers.push(number);
         }
@@ -116,8 +118,8 @@ fn make(numbers: &[u8], progress: &dyn Progress) -> Result<Vec<Table>, PaperErro
     numbers.iter().enumerate().map(make).collect()
 }
 
-/// Progress of one table, in a job that reproduces several tables of the paper by Claustres et al. (2006): reported as
-/// a part of the job's progress.
+/// Receiver of the progress of one table, in a job that recomputes several tables of the paper by Claustres et al.
+/// (2006). It reports this progress as a part of that of the job.
 struct Part<'a> {
     whole: &'a dyn Progress,
     start: f64,

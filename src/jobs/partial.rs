@@ -24,12 +24,12 @@ const LOOK: Duration = Duration::from_millis(100);
 /// to finish.
 const GRACE: Duration = Duration::from_hours(1);
 
-/// Reservation of an upload for one request. It is extended until it is dropped.
+/// Reservation of a resumable upload by one request. It is prolonged until it is released or dropped.
 #[derive(Debug)]
 pub(crate) struct Holding {
     engine: Arc<Engine>,
     holder: String,
-    /// Upload as this request found it.
+    /// State of the upload at the time when this request reserved it.
     pub(crate) partial: Partial,
     _keeping: AbortOnDropHandle<()>,
 }
@@ -58,7 +58,8 @@ impl Engine {
         self.archive.catalog.begin_partial(&new, &bounds).await
     }
 
-    /// Returns an upload once no request holds it, or as it is after a while.
+    /// Returns an upload as soon as no request holds it, or in its present state if a request holds it for too long;
+    /// `None` if there is no such upload.
     pub(crate) async fn settled_partial(&self, id: &str) -> Result<Option<Partial>, CatalogError> {
         let start = Instant::now();
         loop {
@@ -121,7 +122,7 @@ impl Holding {
         Ok(archive.catalog.add_part(&self.partial, &self.holder, part, length, keep).await?)
     }
 
-    /// Ends the reservation, so that the next request need not wait for its lease.
+    /// Ends the reservation of the upload, so that the next request need not wait until it expires.
     pub(crate) async fn release(self) {
         let Self { engine, holder, partial, _keeping: keeping } = self;
         drop(keeping);
@@ -130,7 +131,7 @@ impl Holding {
         }
     }
 
-    /// Streams the bytes of all parts in their order; each part is checked against its digest on the way.
+    /// Streams the bytes of the upload: all its parts in their order, each checked against its digest on the way.
     pub(crate) async fn bytes(&self) -> Result<BoxStream<'static, Result<Bytes, StoreError>>, BlobError> {
         let archive = &self.engine.archive;
         let parts = archive.catalog.parts_of(&self.partial.id).await?;

@@ -6,20 +6,21 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 
-/// Upper bound in bytes on one message. Raising it admits longer reports, and lets a faulty process take more memory
-/// of the one that started it.
+/// Upper bound in bytes on one message between a worker and the process of a job. Raising it admits longer reports, and
+/// lets a faulty process take more memory of the worker.
 const LIMIT: usize = 16 << 20;
 
-/// First message to the process of a job: its work.
+/// First message to the process of a job: the computation that the process does, and the files that it reads and
+/// writes.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Order<C> {
-    /// Name of the computation.
+    /// Name of the computation, by which the process of a job chooses its code.
     pub(super) name: String,
-    /// The computation.
+    /// The computation, with its arguments.
     pub(super) computation: C,
-    /// Names of the files to read, in the current directory.
+    /// Names of the files that the process of the job reads, in its current directory.
     pub(super) files: Vec<String>,
-    /// Name of the file to create for the result, in the current directory.
+    /// Name of the file that the process of the job creates for the result, in its current directory.
     pub(super) result: String,
     /// Number of threads that compute.
     pub(super) threads: usize,
@@ -32,7 +33,7 @@ pub(super) struct Order<C> {
 pub(super) enum Message {
     /// Fraction (0..=1) of the computation that is done.
     Progress(f64),
-    /// The result is in its file; with the report of a compression.
+    /// The result was written to its file; a compression also has this report.
     Made(Option<Box<Report>>),
     /// The computation failed for good.
     Failed(JobProblem),
@@ -44,7 +45,7 @@ pub(super) enum Message {
     OutOfMemory,
 }
 
-/// Encodes a message with its length.
+/// Encodes a message between a worker and the process of a job: its length, then the message as JSON.
 pub(super) fn encode(message: &impl Serialize) -> io::Result<Vec<u8>> {
     let mut bytes = vec![0; 4];
     serde_json::to_writer(&mut bytes, message)?;
@@ -61,13 +62,14 @@ fn too_long(length: usize) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, message)
 }
 
-/// Writes a message. Blocks the thread.
+/// Writes a message for the other process, worker or job. Blocks the thread.
 pub(super) fn write(to: &mut impl Write, message: &impl Serialize) -> io::Result<()> {
     to.write_all(&encode(message)?)?;
     to.flush()
 }
 
-/// Reads a message. Blocks the thread. Fails with [`io::ErrorKind::UnexpectedEof`] if the other process has ended.
+/// Reads a message of the other process, worker or job. Blocks the thread. Fails with [`io::ErrorKind::UnexpectedEof`]
+/// if that process has ended.
 pub(super) fn read<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<T> {
     let mut prefix = [0; 4];
     from.read_exact(&mut prefix)?;

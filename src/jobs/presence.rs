@@ -7,7 +7,7 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Name of the folder of a data directory that holds the lock files.
+/// Name of the folder of a data directory that holds the lock files of workers.
 pub(super) const WORKERS: &str = "workers";
 
 /// Sign of life of a worker: a locked file in the data directory. Dropping it, or the end of the process, releases the
@@ -70,8 +70,8 @@ impl Presence {
     }
 }
 
-/// Returns the number of processes of this host that work on the data directory whose folder of lock files this is.
-/// Blocks on disk access.
+/// Returns the number of running nodes and workers of this host that use a data directory; `directory` is its folder of
+/// lock files. Blocks on disk access.
 pub(super) fn living(directory: &Path) -> io::Result<usize> {
     let mut living = 0;
     let entries = match fs::read_dir(directory) {

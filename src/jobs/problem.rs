@@ -50,6 +50,7 @@ impl JobProblem {
 
     /// Decodes the reason of a failure from the JSON text that is stored with a job.
     pub(crate) fn from_json(text: &str) -> Self {
-        serde_json::from_str(text).unwrap_or_else(|_| Self::new(Code::Internal, "the reason was lost"))
+        serde_json::from_str(text)
+            .unwrap_or_else(|_| Self::new(Code::Internal, "the reason why the job failed cannot be read"))
     }
 }

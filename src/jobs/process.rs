@@ -25,7 +25,7 @@ const VARIABLES: [&str; 1] = ["RUST_BACKTRACE"];
 /// Upper bound in bytes on what the process of a job may write to the log. Raising it keeps longer backtraces.
 const LOG: u64 = 64 << 10;
 
-/// Result of a computation, in a staged (temporary) file.
+/// Result of the computation of a job, in a staged (temporary) file.
 #[derive(Debug)]
 pub(super) struct Written {
     pub(super) staged: Staged,
@@ -119,12 +119,12 @@ fn start(isolation: &Isolation, staging: &Staging) -> io::Result<Child> {
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0).spawn()
 }
 
-/// End of the process of a job.
+/// Way in which the process of a job ended.
 #[derive(Debug)]
 enum End {
-    /// It ended with this message.
+    /// The process ended with this message as its last one.
     Said(Message),
-    /// It died without a last message.
+    /// The process died without a last message.
     Died(Cause, ExitStatus),
 }
 
@@ -183,7 +183,7 @@ impl Group {
         }
     }
 
-    /// Waits for the end of a process that has closed its standard output, or kills it.
+    /// Waits for the end of the job's process once it has closed its standard output, or kills the process.
     fn end(&self, child: &mut Child) -> io::Result<ExitStatus> {
         let mut group = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(group) = *group {
@@ -202,12 +202,12 @@ impl Drop for Group {
     }
 }
 
-/// Reason why a process died without a last message.
+/// Reason why the process of a job died without a last message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cause {
-    /// It asked for more memory than its limit.
+    /// The process asked for more memory than its limit.
     Allocation,
-    /// SIGKILL, which this process did not send.
+    /// SIGKILL ended the process of the job, and this process did not send it.
     Killed,
     Other,
 }

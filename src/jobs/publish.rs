@@ -9,9 +9,9 @@ use std::io;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval_at};
 
-/// Time after the announcement of an object within which a row must refer to the object; afterwards the object is
-/// listed for deletion. Raising it keeps what a killed process has written for longer. A process that paused for longer
-/// stores its bytes again.
+/// Time after the announcement of a new object within which a row of the catalog must refer to it; afterwards the
+/// object is listed for deletion. Raising it keeps what a killed process has written for longer. A process that paused
+/// for longer stores its bytes again.
 const INTENT: Duration = Duration::from_hours(1);
 
 /// Interval at which a process extends its announcement that an object is being written. Raising it risks that the
@@ -49,7 +49,8 @@ impl Published {
         &self.claim
     }
 
-    /// Lists newly stored bytes for deletion at once, because the catalog has refused the row that would refer to them.
+    /// Hands newly stored bytes over to the next sweep, which removes them: the catalog has refused the row that would
+    /// refer to them.
     pub(super) async fn withdraw(self, archive: &Archive) {
         if let Claim::Written(object, _) = &self.claim
             && let Err(error) = archive.catalog.withdraw(object).await
@@ -58,15 +59,16 @@ impl Published {
         }
     }
 
-    /// Stores the bytes again, because the catalog refused a row that refers to them: their object may have been
-    /// removed.
+    /// Stores the bytes of the object again, because the catalog refused a row that refers to it: the object may have
+    /// been removed.
     pub(super) async fn again(self, archive: &Archive) -> Result<Self, BlobError> {
         let digest = self.digest();
         if self.times >= TIMES {
-            let message = format!("{digest} was published {TIMES} times and its claim ran out before it was named");
+            let message =
+                format!("the bytes {digest} were stored {TIMES} times, and each claim ran out before a row named them");
             return Err(StoreError::Io(io::Error::new(io::ErrorKind::TimedOut, message)).into());
         }
-        tracing::warn!(%digest, "the claim on published bytes ran out before a row named them; they are published again");
+        tracing::warn!(%digest, "the claim on stored bytes ran out before a row named them; they are stored again");
         let (staging, staged) = (archive.staging.clone(), self.staged);
         let staged = tokio::task::spawn_blocking(move || staging.stage_again(&staged)).await;
         let staged = staged.map_err(|error| StoreError::Io(error.into()))??;

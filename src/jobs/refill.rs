@@ -19,33 +19,33 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Time after its announcement within which a copied object must be listed. Raising it keeps what a killed copy has
-/// written for longer.
+/// Time after the announcement of a copied object within which it must be entered in the catalog. Raising it keeps what
+/// a killed copy has written for longer.
 const INTENT: Duration = Duration::from_hours(1);
 
-/// Upper bound on the files, and about on their bytes, that are announced and listed together. Raising it writes to the
-/// database less often, but a slow copy may not list them in time.
+/// Upper bound on the number of copied files that are announced and entered in the catalog together, and about on their
+/// bytes. Raising it writes to the database less often, but a slow copy may let the announcement expire.
 const BATCH: (usize, u64) = (64, 1 << 30);
 
 /// Report of a copy into an empty service; the output of `wavelume restore` and `wavelume move`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct CopyReport {
-    /// Id of the new catalog.
+    /// Id of the catalog that was filled by the copy.
     pub instance: String,
-    /// Number of copied rows.
+    /// Number of database rows that were copied.
     pub rows: u64,
-    /// Copied files.
+    /// Counts of the copied files and of those that were not copied.
     #[serde(flatten)]
     pub files: Tally,
 }
 
-/// Stored bytes of the original, and its catalog if it is at hand.
+/// Source of a copy: a store, and the catalog of the original if it is at hand.
 pub(super) struct Origin<'a> {
-    /// Store of the original.
+    /// Store from which the bytes are copied.
     pub store: &'a Arc<dyn Store>,
-    /// Catalog of the original.
+    /// Catalog of the original, if it is at hand; it tells where equal bytes are stored.
     pub catalog: Option<&'a Catalog>,
-    /// Returns the object of the original that holds the bytes of a row.
+    /// Returns the object in the source's store with the bytes of an object that the copied catalog names.
     pub object: fn(&Object) -> Object,
 }
 
@@ -98,13 +98,16 @@ impl Archive {
                 rest = after;
                 self.belonged().await?;
                 while !self.fill_batch(batch, origin, &mut tally).await? {
-                    tracing::warn!("copied bytes were listed too late, and are copied again");
+                    tracing::warn!(
+                        "the announcement of copied files expired before they were entered; they are copied again"
+                    );
                 }
             }
         }
     }
 
-    /// Copies some files. Returns false if their announcement has expired.
+    /// Copies the bytes of some files that the new service lacks, and enters them in its catalog. Returns false if the
+    /// announcement of the copies expired before.
     async fn fill_batch(&self, batch: &[Stored], origin: &Origin<'_>, tally: &mut Tally) -> Result<bool, ArchiveError> {
         let mut absent = Vec::with_capacity(batch.len());
         for blob in batch {
@@ -147,7 +150,8 @@ impl Archive {
         Ok(true)
     }
 
-    /// Writes all rows of a copied catalog, and ends the copy.
+    /// Writes all rows of a copied catalog to the new catalog, and marks the copy as complete. `lost` lists the files
+    /// that could not be copied.
     pub(super) async fn fill_rows(&self, dump: &Dump, lost: &[Lost]) -> Result<(), ArchiveError> {
         let mut filling = self.catalog.fill().await?;
         let lost: HashSet<(&Tenant, Digest)> = lost.iter().map(|lost| (&lost.tenant, lost.digest)).collect();
@@ -189,7 +193,7 @@ async fn insert_all(
     }
 }
 
-/// Returns the number of files, one at least, that are announced together.
+/// Returns the number of files at the beginning of `files`, one at least, that are announced together.
 fn batch_of(files: &[Stored]) -> usize {
     let mut bytes: u64 = 0;
     let fits = |file: &&Stored| {
@@ -200,7 +204,8 @@ fn batch_of(files: &[Stored]) -> usize {
     files.iter().take(BATCH.0).take_while(fits).count()
 }
 
-/// Takes the spectra out of rows of measurements: a row may come before that of its spectrum.
+/// Clears the reference to a spectrum in each row of `measurements`, and appends it to `joined`. A row may come before
+/// that of its spectrum, so the references are set later.
 fn take_spectra(rows: &Rows, batch: &mut [Value], joined: &mut Vec<[String; 3]>) -> Result<(), ArchiveError> {
     let [tenant, id, spectrum] = [rows.column("tenant")?, rows.column("id")?, rows.column("spectrum")?];
     for row in batch {

@@ -12,28 +12,28 @@ use std::time::{Duration, Instant};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
-/// Number of files that a process reserves at once. Raising it writes to the database less often; a killed process
-/// leaves as many unchecked until their next turn.
+/// Number of stored files that a process reserves at once to check their digests. Raising it writes to the database
+/// less often; a killed process leaves as many unchecked until their next turn.
 const AT_ONCE: u32 = 32;
 
-/// Number of bytes that each file counts as at least. Raising it sends fewer requests a second to a store of many small
-/// files.
+/// Number of bytes as which a file counts at least when the rate of reading is limited. Raising it sends fewer requests
+/// a second to a store of many small files.
 const LEAST: u64 = 256 << 10;
 
-/// Clock by which a scrub keeps its rate.
+/// Clock by which the check of stored files (scrub) keeps below its rate of reading.
 pub(super) trait Clock: Send + Sync {
-    /// Returns the time since some fixed moment.
+    /// Returns the time that has passed since a moment that stays the same for this clock.
     fn now(&self) -> Duration;
-    /// Waits for a time, or until the process stops.
+    /// Waits for the given time, or until this process is stopping.
     fn sleep(&self, time: Duration) -> BoxFuture<'_, ()>;
-    /// Returns true if the process stops.
+    /// Returns true if this process is stopping.
     fn is_stopped(&self) -> bool;
 }
 
-/// Report of one round, in which every file is checked whose turn it is.
+/// Report of one round of the check of stored files (scrub). A round checks all files that are due.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct ScrubReport {
-    /// Number of files that were read.
+    /// Number of files whose check is complete.
     pub blobs: u64,
     /// Total size in bytes of the files that were read and found right.
     pub bytes: u64,
@@ -41,17 +41,17 @@ pub(super) struct ScrubReport {
     pub faults: u64,
 }
 
-/// Limit on the rate of reading.
+/// Upper bound on the rate at which the check of stored files (scrub) reads them.
 struct Pace<'a> {
     clock: &'a dyn Clock,
-    /// Bytes per second.
+    /// Upper bound on the rate of reading, in bytes per second.
     rate: u64,
-    /// Time before which nothing more is read.
+    /// Time by the clock until which reading must pause, so that the rate stays below its bound.
     free: Duration,
 }
 
 impl Pace<'_> {
-    /// Waits until `bytes`, whose reading began at `start`, fit into the rate.
+    /// Waits until `bytes`, whose reading began at `start`, keep to the bound on the rate.
     async fn spend(&mut self, start: Duration, bytes: u64) {
         self.free = self.free.max(start) + Duration::from_secs_f64(bytes as f64 / self.rate.max(1) as f64);
         let left = self.free.saturating_sub(self.clock.now());
@@ -82,7 +82,9 @@ impl Archive {
                     }
                     // The store is away, or cannot read this one file, which then must not be in the way of others.
                     Err(error) => {
-                        tracing::warn!(object = %due.blob.object, %error, "stored bytes could not be checked");
+                        tracing::warn!(
+                            object = %due.blob.object, %error, "the digest of a stored object was not checked"
+                        );
                         self.catalog.unclaim_checks(&claimed[at + 1..]).await?;
                         return Err(error);
                     }
@@ -92,7 +94,7 @@ impl Archive {
         Ok(report)
     }
 
-    /// Checks one file. Returns false if the process stops before its end.
+    /// Checks the digest of one stored file. Returns false if this process is stopping, before the check is complete.
     async fn scrub_blob(
         &self,
         blob: &Blob,
@@ -220,7 +222,9 @@ pub(super) async fn scrubbing(engine: Arc<Engine>, stop: CancellationToken) {
                 tracing::info!(blobs = report.blobs, bytes = report.bytes, faults = report.faults, "scrubbed");
             }
             Ok(_) => {}
-            Err(error) => tracing::error!(%error, "the scrub failed, and goes on with the next round"),
+            Err(error) => {
+                tracing::error!(%error, "the check of stored files (scrub) failed, and goes on with the next round");
+            }
         }
     }
 }
@@ -233,7 +237,8 @@ mod tests {
     use crate::store::Digest;
     use std::sync::Mutex;
 
-    /// Clock that stands still but for what is slept, and stops after a time.
+    /// Clock for tests: its time advances only while it sleeps, and it reports the process as stopping after a given
+    /// time.
     struct Stepped(Mutex<Duration>, Duration);
 
     impl Clock for Stepped {

@@ -15,7 +15,7 @@ pub struct Site {
     pub database: Option<Database>,
     /// Place of the store, which holds the files; `None` means the data directory.
     pub store: Option<Place>,
-    /// Id of the catalog whose store is to be taken over; see [`ArchiveError::Belongs`](super::ArchiveError).
+    /// Id of the catalog whose store this service takes over; see [`ArchiveError::Belongs`](super::ArchiveError).
     pub adopt: Option<String>,
 }
 

@@ -25,16 +25,17 @@ use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-/// Contents that the publishers share, so that they meet often.
+/// Number of different contents that the publishers store, few so that two publishers often store equal bytes.
 const CONTENTS: u64 = 12;
 
-/// Parts of a hundred: store calls that outlive their caller, and publishers that stand still past their announcement.
+/// Probability in per cent that a store call is carried out after its caller was told that it failed, and that a
+/// publisher pauses until its announcement has expired.
 const LATE: u64 = 5;
 
-/// Time by which a store call may outlive its caller, ms.
+/// Longest delay in ms of a store call that is carried out after its caller was told that it failed.
 const OUTLIVES: u64 = 1000;
 
-/// Seed of a task's random numbers, and numbers that are less than a bound.
+/// Generator of random numbers for one task of the test.
 #[derive(Debug)]
 struct Dice(Pcg64Mcg);
 
@@ -65,7 +66,7 @@ impl Counts {
         count.fetch_add(number, Ordering::Relaxed);
     }
 
-    /// Returns true if too little has come to pass to show anything.
+    /// Returns true if too few events of some kind have happened for the test to show anything.
     fn is_poor(&self) -> bool {
         let below = |count: &AtomicU64, least: u64| count.load(Ordering::Relaxed) < least;
         below(&self.published, 50)
@@ -83,12 +84,13 @@ struct Faulty {
     staging: Staging,
     dice: Mutex<Dice>,
     counts: Arc<Counts>,
-    /// Calls that have outlived their callers.
+    /// Tasks that carry out the delayed store calls, whose callers were told at once that the calls failed.
     late: TaskTracker,
 }
 
 impl Faulty {
-    /// Returns how late a call is carried out, if its caller is not to wait for it.
+    /// Decides at random if a store call is reported as failed at once and carried out later, and then returns the
+    /// delay.
     fn lateness(&self) -> Option<Duration> {
         let mut dice = self.dice.lock().unwrap();
         (dice.below(100) < LATE).then(|| Duration::from_millis(dice.below(OUTLIVES)))
@@ -152,7 +154,7 @@ impl Store for Faulty {
     }
 }
 
-/// Measurement that the catalog names; its deletion waits for those who read it.
+/// Measurement that the tests have stored in the catalog; its deletion waits for those who read it.
 #[derive(Debug)]
 struct Named {
     id: Digest,
@@ -178,7 +180,7 @@ impl Soak {
         self.faults.lock().unwrap().push(text);
     }
 
-    /// Returns one of the named measurements.
+    /// Returns a random one of the measurements that the catalog names; `None` if there are none.
     fn any(&self, dice: &mut Dice) -> Option<Arc<Named>> {
         let named = self.named.lock().unwrap();
         (!named.is_empty()).then(|| Arc::clone(&named[dice.below(named.len() as u64) as usize]))

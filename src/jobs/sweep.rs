@@ -98,7 +98,7 @@ impl Archive {
         if !stopped()
             && let Err(error) = self.catalog.recount().await
         {
-            tracing::error!(%error, "the use of tenants was not counted");
+            tracing::error!(%error, "the bytes and materials of tenants were not counted");
         }
         Ok(report)
     }
@@ -112,7 +112,7 @@ impl Archive {
                     return Ok(());
                 }
                 if let Doom::Doomed(bytes) = self.catalog.of(tenant).doom_unnamed(*digest, grace).await? {
-                    tracing::debug!(%tenant, %digest, bytes, "no row names these bytes any more");
+                    tracing::debug!(%tenant, %digest, bytes, "no row of the catalog refers to these bytes any more");
                 }
             }
             if unnamed.len() < AT_ONCE as usize {

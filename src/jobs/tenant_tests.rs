@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
-/// Returns a site's archive as two tenants see it.
+/// Returns the archive of a service as two different tenants see it.
 async fn archives(site: &Site) -> [Archive; 2] {
     let mine = Archive::serve(site).await.unwrap();
     let theirs = testing::other(&mine.catalog, "ab").await;

@@ -16,7 +16,7 @@ tokio::task_local! {
 /// key it has sent.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Client {
-    /// Address of the client.
+    /// IP address of the client.
     pub address: IpAddr,
     /// Tenant whose key the client has sent, or the tenant that owns nothing if it has sent none; `None` in a service
     /// without keys.
@@ -73,8 +73,8 @@ impl Client {
     }
 }
 
-/// Returns the number of places that one tenant may hold at most, of `all`. It leaves `each`, the places of one
-/// address, to other tenants, but at most half of all.
+/// Returns the amount of `all`, the limit over all addresses, that one tenant may use. It leaves the limit of one
+/// address, `each`, to other tenants, but at most half of `all`.
 pub(crate) fn most_of_tenant(all: u64, each: u64) -> u64 {
     all - each.min(all / 2)
 }
@@ -94,8 +94,8 @@ impl<K: Clone + Eq + Hash, Q: Default> Rotation<K, Q> {
         self.queues.entry(key.clone()).or_default()
     }
 
-    /// Returns what `take` gets from the first queue that is not empty, and moves this queue to the end of the
-    /// rotation. Removes the empty queues before it.
+    /// Returns the first value that `take` gets from a queue, in the order of the rotation, and moves this queue to its
+    /// end. Removes the queues before it, from which `take` gets nothing.
     fn next<T>(&mut self, take: impl Fn(&mut Q) -> Option<T>) -> Option<T> {
         while let Some(key) = self.order.pop_front() {
             if let Some(next) = self.queues.get_mut(&key).and_then(&take) {

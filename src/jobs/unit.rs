@@ -5,7 +5,7 @@ use std::time::Duration;
 /// Unit of a setting, which decides how its text is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unit {
-    /// A number without a unit.
+    /// A setting that is a number without a unit.
     Count,
     /// A size in bytes: `4096`, `64KiB`, `256MiB`, `1GiB`.
     Bytes,
@@ -68,7 +68,7 @@ impl Unit {
         }
     }
 
-    /// Returns true for a number without a unit.
+    /// Returns true if values of this unit are plain numbers, without a unit in their text.
     pub(crate) fn is_count(self) -> bool {
         self == Self::Count
     }

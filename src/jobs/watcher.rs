@@ -12,8 +12,8 @@ use tokio_util::sync::CancellationToken;
 /// it delays what clients see.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// Time for which a worker stores the progress of a job often after each request to do so. Raising it lets the worker
-/// store progress often for longer after the last client has stopped following.
+/// Time for which a worker often stores the progress of a job after a process has asked it to. Raising it lets the
+/// worker store progress often for longer after the last client has stopped following.
 const WATCH: Duration = Duration::from_secs(30);
 
 /// Pause after a failure of the database before jobs and notifications are read again. Raising it spares a database
@@ -58,7 +58,7 @@ pub(crate) async fn watching(engine: Arc<Engine>, stop: CancellationToken) {
             Ok::<_, CatalogError>(())
         };
         if let Err(error) = look.await {
-            tracing::warn!(%error, "followed jobs were not looked at");
+            tracing::warn!(%error, "the state of jobs that clients follow was not read");
             sleep(PAUSE).await;
         }
     }

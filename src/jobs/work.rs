@@ -21,7 +21,8 @@ pub(super) trait Work {
     /// never changes.
     type Arguments;
 
-    /// Part of an attempt that takes processor and memory.
+    /// Computation of the job: the part of an attempt that takes processor time and memory, and may run in a process of
+    /// its own.
     type Computation: Computation;
 
     /// Checks the content of a job request, such as its texts and options, before the job is queued.

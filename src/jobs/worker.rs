@@ -83,7 +83,7 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
             }
             Ok(None) => pause = LOOK,
             Err(error) => {
-                tracing::error!(%error, "jobs cannot be claimed");
+                tracing::error!(%error, "the worker cannot claim jobs from the queue");
                 pause = LOOK;
             }
         }
@@ -126,7 +126,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
         Err(Unfinished::Lost) => {
             engine.hub.leave(&job.id);
             metrics::counter!("wavelume_jobs_lost_total").increment(1);
-            tracing::warn!(job = job.id, "the job is another worker's now");
+            tracing::warn!(job = job.id, "a running job was given up, because it is another worker's now");
             return;
         }
     };
@@ -150,9 +150,11 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
         }
         // `end` handles a claim that ran out itself.
         Ok(Ending::Lost | Ending::Unpublished | Ending::Over(_)) => {
-            tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here");
+            tracing::warn!(job = job.id, duration_ms, "the job became another worker's before it ended in this worker");
         }
-        Err(error) => tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not written"),
+        Err(error) => {
+            tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not recorded in the catalog");
+        }
     }
 }
 
@@ -217,7 +219,7 @@ async fn guard(
                         return Err(Unfinished::Lost);
                     }
                     // The lease is still valid for a while, so the work goes on.
-                    Err(error) => tracing::warn!(job = job.id, %error, "a lease was not renewed"),
+                    Err(error) => tracing::warn!(job = job.id, %error, "the lease of a job was not renewed"),
                 }
             }
             () = &mut drained => {
@@ -254,7 +256,7 @@ async fn end(
                         }
                         Err(error) => error.to_string(),
                     },
-                    None => "the result was not published".to_owned(),
+                    None => "the result of the job was not stored".to_owned(),
                 };
                 ended = again(engine, job, detail);
             }
@@ -265,7 +267,7 @@ async fn end(
                 }
             }
             Err(CatalogError::Sql(error)) if !stop.is_cancelled() || pause < Duration::from_secs(1) => {
-                tracing::warn!(job = job.id, %error, "the end of a job is written again");
+                tracing::warn!(job = job.id, %error, "the end of a job was not recorded; recording is tried again");
                 sleep(pause).await;
                 pause = LONGEST_PAUSE.min(2 * pause);
             }
@@ -294,7 +296,8 @@ async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
     }
 }
 
-/// Takes jobs back from workers that are known to be gone, and, if `expired`, from workers whose lease has run out.
+/// Takes jobs back from the workers of this host whose processes have ended, and, if `expired`, from all workers whose
+/// lease has run out.
 async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), CatalogError> {
     let seeker = Arc::clone(engine);
     let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;
@@ -325,8 +328,8 @@ async fn ageing(engine: Arc<Engine>, stop: CancellationToken) {
         }
         match engine.archive.catalog.age(age).await {
             Ok(0) => {}
-            Ok(jobs) => tracing::info!(jobs, "batch jobs have waited for long and count as usual ones"),
-            Err(error) => tracing::error!(%error, "waiting batch jobs were not looked at"),
+            Ok(jobs) => tracing::info!(jobs, "batch jobs that have waited for long now count as usual jobs"),
+            Err(error) => tracing::error!(%error, "the waiting times of batch jobs were not checked"),
         }
     }
 }

@@ -17,9 +17,11 @@ pub(crate) const PARTS: &str = "uploads";
 /// Name of a stored object; written as the path of the object below the root of the store.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Object {
-    /// Owner of the bytes. The name of a part does not tell it: a part has the default one here.
+    /// Tenant that owns the bytes. The name of a part of an upload does not state the tenant; the default one stands
+    /// here then.
     tenant: Tenant,
-    /// Upload of which the object is a part, and the number of the part from 0; `None` for the bytes of a digest.
+    /// Upload of which the object is a part, and the number of the part from 0; `None` for an object with all bytes of
+    /// a file.
     part: Option<(String, u32)>,
     digest: Digest,
     /// Unique suffix of the object's name; empty for objects of the first version, which had one object for each

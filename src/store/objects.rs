@@ -20,7 +20,7 @@ use std::time::Duration;
 pub(super) enum Publication {
     /// The staged file lies in this folder of the store and is renamed to the path of the object.
     Rename(&'static str),
-    /// The bytes of the file are sent to the store.
+    /// The store is sent the bytes of the staged file.
     Upload,
 }
 

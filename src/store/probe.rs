@@ -17,35 +17,35 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
 
-/// Longest time that one step of a probe may take. Raising it tolerates slower stores, but delays the report when the
-/// store does not answer.
+/// Longest time that one step in the test of a store may take. Raising it tolerates slower stores, but delays the
+/// report when the store does not answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Size in bytes of the object that is sent in one request.
+/// Size in bytes of the test object that is sent in one request.
 const SMALL: usize = 1000;
 
-/// Size in bytes of the first part of the object that is sent in parts; no server takes a smaller one.
+/// Size in bytes of the first part of the test object that is sent in parts; no server takes a smaller one.
 const PART: usize = 5 << 20;
 
-/// Size in bytes of the second and last part.
+/// Size in bytes of the second and last part of the test object that is sent in parts.
 const REST: usize = 1000;
 
-/// Connection to a store for a probe.
+/// Connection to a store, to test that objects can be written, read, listed and removed there.
 pub(crate) struct Probe {
     store: Arc<dyn ObjectStore>,
     folder: String,
 }
 
-/// Outcome of one step of a probe: what was done, or the fault in words.
+/// Outcome of one step in the test of a store: a description of what was done, or of the fault.
 pub(crate) struct Step {
-    /// Name of the step, such as `put`.
+    /// Name of the step in the test of a store, such as `put`.
     pub name: &'static str,
-    /// Description of what the step has shown, or of its fault.
+    /// Description of what the step has done with the store, or of its fault.
     pub outcome: Result<String, String>,
 }
 
 impl Probe {
-    /// Prepares a probe; sends no request yet. A directory must exist. Blocks the thread.
+    /// Connects to a store to test it; sends no request yet. A store in a directory must exist. Blocks the thread.
     pub(crate) fn open(place: &Place) -> Result<Self, StoreError> {
         let store: Arc<dyn ObjectStore> = match place {
             Place::Directory(root) => {
@@ -62,7 +62,8 @@ impl Probe {
         within(async { Ok(objects.note(name).await?) }).await
     }
 
-    /// Writes, reads, lists and removes the objects of the probe. Ends early if the first cannot be written.
+    /// Tests the store: writes, reads, lists and removes test objects. Leaves out the other steps if the first object
+    /// cannot be written.
     pub(crate) async fn run(&self) -> Vec<Step> {
         let mut steps = Vec::new();
         let mut add = |name, outcome: Result<String, String>| {
@@ -79,9 +80,9 @@ impl Probe {
             add("multipart", self.timed(format!("{} bytes in 2 parts", PART + REST), self.parts()).await);
         }
         // Also after a failure: the answer may have been lost, and the object is there.
-        let removed = self.timed("the probe is gone".to_owned(), self.remove()).await;
+        let removed = self.timed("the test objects were removed".to_owned(), self.remove()).await;
         if is_written {
-            let hint = |reason| format!("{reason}; remove {}/ from the store by hand", self.folder);
+            let hint = |reason| format!("{reason}; remove the folder {}/ from the store by hand", self.folder);
             add("delete", removed.map_err(hint));
         }
         steps
@@ -91,7 +92,7 @@ impl Probe {
         Path::from_iter([self.folder.as_str(), name])
     }
 
-    /// Runs one step within its time, and returns its description with the time that it took.
+    /// Runs one step of the test within its time limit; returns `shown` with the time that the step took, or its fault.
     async fn timed(&self, shown: String, step: impl Future<Output = Result<(), Failed>>) -> Result<String, String> {
         let start = Instant::now();
         within(step).await?;
@@ -111,14 +112,14 @@ impl Probe {
         same(&self.store.get_range(path, 100..200).await?, &pattern(SMALL)[100..200])
     }
 
-    /// Checks that exactly one object of `size` bytes is listed in the folder of the probe.
+    /// Checks that the store lists exactly one object, of `size` bytes, in the folder of the test objects.
     async fn listed(&self, size: usize) -> Result<(), Failed> {
         let folder = Path::from(self.folder.as_str());
         let found: Vec<_> = self.store.list(Some(&folder)).map_ok(|meta| meta.size).try_collect().await?;
         if found == [size as u64] {
             return Ok(());
         }
-        Err(Failed(format!("the list has objects of {found:?} bytes, expected one of {size} bytes")))
+        Err(Failed(format!("the store lists test objects of {found:?} bytes, expected one of {size} bytes")))
     }
 
     async fn parts(&self) -> Result<(), Failed> {
@@ -153,12 +154,12 @@ impl Probe {
         match self.store.head(&self.path("object")).await {
             Err(object_store::Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(error.into()),
-            Ok(_) => Err(Failed("the object is still there".to_owned())),
+            Ok(_) => Err(Failed("the store still has the test object after its removal".to_owned())),
         }
     }
 }
 
-/// Fault of a step in words.
+/// Description of the fault of one step in the test of a store.
 struct Failed(String);
 
 impl From<object_store::Error> for Failed {
@@ -184,10 +185,10 @@ fn same(found: &[u8], expected: &[u8]) -> Result<(), Failed> {
     if found == expected {
         return Ok(());
     }
-    Err(Failed(format!("{} other bytes came back, expected the {} that were written", found.len(), expected.len())))
+    Err(Failed(format!("read {} bytes that differ from the {} bytes that were written", found.len(), expected.len())))
 }
 
-/// Returns bytes in which each place is recognised.
+/// Returns test bytes that vary from place to place, so that a read from a wrong position is recognised.
 fn pattern(size: usize) -> Bytes {
     (0..size as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect()
 }

@@ -29,7 +29,7 @@ pub(super) fn open(bucket: &str, prefix: &str) -> Result<Objects, StoreError> {
     Ok(Objects::new(client, Publication::Upload).with_signer(signer))
 }
 
-/// Client for a prefix of a bucket, and the maker of URLs that read single objects there.
+/// Client for a prefix of an S3 bucket, and the maker of URLs that read single objects there.
 pub(super) type Client = (Arc<dyn ObjectStore>, Arc<dyn Signer>);
 
 /// Builds the client for a prefix of an S3 bucket. A failed call is tried again for the time `patience`; one request
@@ -73,7 +73,7 @@ pub(super) mod tests {
     use std::io::{Read, Write};
     use std::net::{SocketAddr, TcpListener};
 
-    /// Returns the store of a server that answers at an address.
+    /// Returns an S3 store whose requests go to a test server at `address`.
     pub(crate) fn at(address: SocketAddr) -> Arc<dyn Store> {
         let builder = AmazonS3Builder::new()
             .with_endpoint(format!("http://{address}"))

@@ -7,7 +7,7 @@ use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// Directory of temporary files that are being written for the store. If the store is a directory, both lie on one file
+/// Directory of temporary files that become objects of the store. If the store is a directory, both lie on one file
 /// system, so that publishing a file is a rename.
 #[derive(Clone, Debug)]
 pub(crate) struct Staging {

@@ -93,7 +93,7 @@ impl Key {
         self.id
     }
 
-    /// Secret of the key.
+    /// Returns the secret of the access key.
     pub(crate) fn secret(&self) -> &Secret {
         &self.secret
     }
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeSet;
 
-    /// Key of fixed bytes, whose secret has every kind of digit.
+    /// Access key of fixed bytes, for tests. The text of its secret has letters of both cases, digits, `-` and `_`.
     fn fixed() -> Key {
         let secret = std::array::from_fn(|i| (i as u8).wrapping_mul(83).wrapping_add(0xfb));
         Key { id: "0123456xyz".parse().unwrap(), secret: Secret(secret) }

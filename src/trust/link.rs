@@ -123,7 +123,7 @@ mod tests {
         "UoE034CcuDPVDf_Iy2mbslMCILDA",
     );
 
-    /// Pattern of the queries of links.
+    /// Regular expression that matches the query strings of signed links.
     const QUERY: &str = "key=[0-9a-z]{10}&expires=17957[0-9]{5}&signature=[A-Za-z0-9_-]{86}";
 
     fn made() -> Link {
@@ -277,7 +277,7 @@ mod tests {
         }
     }
 
-    /// Fields of links from few values of each, so that equal ones occur.
+    /// Materials, keys and end times of links, drawn from few values so that two links are often equal.
     fn fields() -> impl Strategy<Value = (MaterialId, KeyId, u64)> {
         let material = prop_oneof![0..4_u64, any::<u64>()];
         let material = material.prop_map(|n| MaterialId::read(&format!("b3-{n:064x}")).unwrap());

@@ -17,7 +17,7 @@ pub(crate) trait Member: Copy + PartialEq + 'static {
     /// All members that a set may have, in the order in which its text lists them.
     const ALL: &'static [Self];
 
-    /// Name of the member in the text of a set.
+    /// Returns the name of the member, as the text of a set spells it.
     fn name(self) -> &'static str;
 }
 

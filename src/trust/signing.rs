@@ -33,7 +33,7 @@ pub(crate) struct NoSigner;
 
 /// Error for a text that is not the public half of an Ed25519 key pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("found a text that is not the public half of a pair for signatures, expected 64 hexadecimal digits")]
+#[error("found a text that is not the public half of an Ed25519 key pair, expected 64 hexadecimal digits")]
 pub(crate) struct NotAVerifier;
 
 impl Signer {
@@ -108,7 +108,7 @@ impl fmt::Display for Signature {
 }
 
 impl fmt::Debug for Signature {
-    /// Writes nothing of the signature: whoever has the signature of a link has the link.
+    /// Writes a placeholder without any part of the signature: whoever has the signature of a link has the link.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Signature(…)")
     }

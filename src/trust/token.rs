@@ -332,7 +332,7 @@ mod tests {
         }
     }
 
-    /// Grants from few values of each field, so that equal ones occur.
+    /// Grants with few different values in each field, so that two of them are often equal.
     fn grants() -> impl Strategy<Value = Grant> {
         let scopes = proptest::sample::subsequence(&Scope::ALL[..3], 1..=3);
         let methods = proptest::sample::subsequence(super::super::grant::Method::ALL, 1..=5);

@@ -39,7 +39,7 @@ impl Goniometer {
     /// Measures the virtual material that the JSON text `document` describes.
     pub(super) fn measure(document: &str) -> Result<Self, PaperError> {
         let document: Value = serde_json::from_str(document).map_err(|e| PaperError::Data(e.to_string()))?;
-        let lost = || PaperError::Data("a mesh is over the limit of levels".to_owned());
+        let lost = || PaperError::Data("a triangle mesh is above the limit on subdivision levels".to_owned());
         let incoming = TriangleMesh::new(Domain::Hemisphere, 1).ok_or_else(lost)?;
         let outgoing = TriangleMesh::new(Domain::Hemisphere, 4).ok_or_else(lost)?;
         let directions = directions(outgoing);
@@ -69,8 +69,8 @@ impl Goniometer {
         Ok(Self { axes, projected, readings: samples, cells })
     }
 
-    /// Returns the errors of decoded triangle values against the instrument readings, looked up at the directions of
-    /// the readings.
+    /// Returns the errors of `decoded` values of triangles, compared with the instrument readings: each reading with
+    /// the value of the triangle that contains its direction.
     pub(super) fn errors(&self, decoded: &[f32]) -> ErrorReport {
         let mut looked_up = vec![0.0_f32; self.readings.len()];
         looked_up.par_chunks_mut(LAMBDAS).enumerate().for_each(|(at, spectrum)| {
@@ -121,8 +121,9 @@ fn readings(document: &Value, wi: Direction, wos: &[Direction], incoming: usize)
     Ok(samples)
 }
 
-/// Returns, for each triangle, the (reading, weight) pairs that give its value. It is the mean of the readings inside,
-/// or else the mean of the nearest readings weighted by inverse distance.
+/// Returns, for each triangle, the instrument readings that determine its value, as pairs (index of the reading,
+/// weight). The value is the mean of the readings inside or, without any, the mean of the nearest readings weighted by
+/// inverse distance.
 fn weights(mesh: TriangleMesh, directions: &[Direction], cells: &[usize]) -> Vec<Vec<(usize, f64)>> {
     (0..mesh.len())
         .map(|triangle| {

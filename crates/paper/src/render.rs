@@ -64,7 +64,8 @@ impl Table {
         out
     }
 
-    /// Returns the reproduced table of Claustres et al. (2006) as JSON: title, columns, rows, and statistics.
+    /// Returns the reproduced table of Claustres et al. (2006) as JSON: title, columns, rows, and statistics of the
+    /// ratios of computed to published errors.
     pub fn json(&self) -> serde_json::Value {
         serde_json::json!(self)
     }

@@ -33,7 +33,9 @@ pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
                 "refitted" => by_error(best_basis(&dictionaries, &samples, count, Choice::Refitted, &[])),
                 _ => by_error(best_basis(&dictionaries, &samples, count, Choice::Greedy, &constraints)),
             };
-            let Some(best) = found else { return Err(PaperError::Data("no basis keeps the colour".to_owned())) };
+            let Some(best) = found else {
+                return Err(PaperError::Data("no wavelet basis keeps the colour of the spectrum".to_owned()));
+            };
             let colour = colour_error(&matching, &samples, &best.approximation.samples);
             cells.push(Cell::new(100.0 * colour, Some(printed)));
             errors.push(Cell::new(100.0 * best.errors.l2, None));

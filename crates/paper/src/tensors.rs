@@ -36,7 +36,7 @@ pub(super) fn log_k_term(
 ) -> Result<Vec<Vec<f32>>, PaperError> {
     let plan = Plan::new(axes, transforms).map_err(data_error)?;
     if samples.iter().any(|s| s.is_nan() || *s <= 0.0) {
-        return Err(PaperError::Data("a logarithm of a sample that is not positive".to_owned()));
+        return Err(PaperError::Data("found a sample that is not positive and so has no logarithm".to_owned()));
     }
     let mut coefficients: Vec<f32> = samples.iter().map(|&s| libm::logf(s)).collect();
     plan.forward(&mut coefficients);

@@ -60,7 +60,7 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
             let mut densities = vec![0.0; pairs.len()];
             let done = Done::of_runs(pairs, |range, wi, wo| {
                 if wo.is_none() {
-                    return Err(unfit("no wo was given, expected one"));
+                    return Err(unfit("no outgoing direction wo was given, expected one"));
                 }
                 Ok(material.pdfs(Pairs { index, wi, wo }, *level, &mut densities[range])?)
             });
@@ -150,7 +150,7 @@ impl Done {
 }
 
 fn without_wo(has_wo: bool) -> Result<(), Problem> {
-    if has_wo { Err(unfit("wo was given, expected wi alone")) } else { Ok(()) }
+    if has_wo { Err(unfit("an outgoing direction wo was given, expected an incoming one (wi) alone")) } else { Ok(()) }
 }
 
 fn unfit(detail: &str) -> Problem {

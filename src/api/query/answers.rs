@@ -23,7 +23,7 @@ pub(super) enum Answers {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Spectrum)]
 pub(super) struct SpectrumAnswer {
-    /// Wavelengths in nm; null for data without wavelengths.
+    /// Wavelengths of the values in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
     /// Values of the spectrum, one for each wavelength; null if masked.
     #[schema(value_type = Vec<Option<f32>>)]
@@ -39,7 +39,7 @@ pub(super) struct SpectrumAnswer {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Spectra)]
 pub(super) struct EvaluateAnswer {
-    /// Wavelengths in nm; null for data without wavelengths.
+    /// Wavelengths of the values in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
     /// Values of the spectra, indexed `[pair of directions][wavelength]`; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
@@ -53,7 +53,7 @@ pub(super) struct EvaluateAnswer {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Albedo)]
 pub(super) struct AlbedoAnswer {
-    /// Wavelengths in nm; null for data without wavelengths.
+    /// Wavelengths of the values in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
     /// Integral over all outgoing directions, one value for each wavelength, in the material's unit times sr; null if
     /// masked.
@@ -65,7 +65,7 @@ pub(super) struct AlbedoAnswer {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Albedos)]
 pub(super) struct AlbedosAnswer {
-    /// Wavelengths in nm; null for data without wavelengths.
+    /// Wavelengths of the values in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
     /// Integrals over all outgoing directions, indexed `[incoming direction][wavelength]`, in the material's unit times
     /// sr; null where masked.
@@ -95,7 +95,7 @@ pub(super) struct SampleAnswer {
     weight: Vec<f64>,
 }
 
-/// Matrix of values, written to JSON as an array of rows with one row for each query.
+/// Values of the answers to a batch, written to JSON as an array with one row of values for each query.
 #[derive(Debug)]
 struct Rows {
     values: Vec<f32>,

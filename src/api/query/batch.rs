@@ -45,7 +45,7 @@ struct EvaluateRequest {
     /// Interpolation over directions.
     #[serde(default)]
     interpolation: Interpolation,
-    /// Values at wavelengths outside the measured range.
+    /// Rule for values at wavelengths outside the measured range.
     #[serde(default)]
     beyond: Beyond,
     /// Zero-based position on each index axis (tensor axis before the directions).

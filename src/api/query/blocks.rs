@@ -22,7 +22,7 @@ pub(super) struct Block {
     pub(super) first: u64,
 }
 
-/// Source of the blocks of a batch: a parsed list of queries, or a request body that arrives in pieces.
+/// Source of the blocks of queries of a batch: parsed lists of directions, or a request body that arrives in pieces.
 #[derive(Debug)]
 pub(super) enum Source {
     Listed { places: Arc<Places>, next: usize },
@@ -91,13 +91,13 @@ pub(super) struct Cutter {
 #[derive(Clone, Copy, Debug)]
 enum Form {
     Floats(Directions),
-    /// Queries as NDJSON, one on each line. `seen` is the number of bytes searched for line ends so far, among those
-    /// that were received and not yet made a block of queries.
+    /// Queries as NDJSON, one on each line. `seen` is the number of received bytes that were searched for line ends and
+    /// are not yet cut into a block of queries.
     Lines {
         seen: usize,
-        /// Number of lines that end with a newline among the bytes of a request body scanned so far.
+        /// Number of whole lines, which end with a newline, among the `seen` bytes.
         count: usize,
-        /// Length in bytes of the lines that end with a newline among the bytes of a request body scanned so far.
+        /// Length in bytes of the whole lines among the `seen` bytes.
         whole: usize,
     },
 }
@@ -115,7 +115,8 @@ impl Cutter {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Cuts a block of `most` queries from the received bytes, or of as many as have arrived if `any` is true.
+    /// Cuts a block of `most` queries from the received bytes; if `any` is true, also a smaller block of those that
+    /// have arrived. Returns `None` if no block is complete.
     fn cut(&mut self, most: usize, any: bool) -> Option<Result<Block, Problem>> {
         let first = self.next;
         match &mut self.form {

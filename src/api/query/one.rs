@@ -33,7 +33,7 @@ pub(super) struct SpectrumQuery {
     index: Option<String>,
     /// Interpolation over directions.
     interpolation: Option<Interpolation>,
-    /// Values at wavelengths outside the measured range.
+    /// Rule for values at wavelengths outside the measured range.
     beyond: Option<Beyond>,
 }
 

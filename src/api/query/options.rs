@@ -19,7 +19,7 @@ pub(super) struct EvaluateOptions {
     pub(super) wavelengths: Option<String>,
     /// Interpolation over directions. For NDJSON and f32 bodies only.
     pub(super) interpolation: Option<Interpolation>,
-    /// Values at wavelengths outside the measured range. For NDJSON and f32 bodies only.
+    /// Rule for values at wavelengths outside the measured range. For NDJSON and f32 bodies only.
     pub(super) beyond: Option<Beyond>,
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
     /// only.
@@ -82,7 +82,7 @@ pub(in crate::api) fn read<T>(
     text.map(read).transpose().map_err(|detail| Problem::new(Kind::BadQuery, detail))
 }
 
-/// Parses a direction `THETA,PHI` in degrees.
+/// Parses a direction `THETA,PHI` in degrees. The error names the parameter `what`.
 pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, String> {
     let refused = || {
         let shown: String = text.chars().take(80).collect();

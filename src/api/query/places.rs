@@ -40,7 +40,7 @@ pub(super) struct Directions {
 pub(super) struct Places {
     wi: Option<Vec<Angles>>,
     wo: Option<Vec<Angles>>,
-    /// Number of pairs of directions.
+    /// Number of pairs of directions in the batch.
     count: usize,
     /// Number of answers wanted for each pair of directions, such as random directions; each counts as a query.
     each: usize,
@@ -49,8 +49,9 @@ pub(super) struct Places {
 /// Some queries of a batch, in the encoding in which they arrived.
 #[derive(Clone, Debug)]
 pub(super) enum Records {
-    /// Parsed lists of the directions of a whole batch, and the range of its queries that these records stand for,
-    /// numbered from 0. Each answer wanted for a pair of directions counts as a query.
+    /// Queries of a batch given as parsed lists of directions: the lists of the whole batch, and the range of the
+    /// queries in this block, numbered from 0 in the batch. Each answer wanted for a pair of directions counts as a
+    /// query.
     Listed(Arc<Places>, Range<usize>),
     /// Binary records, one for each query: polar angle and azimuth of each direction in degrees, as little-endian f32.
     Floats(Directions, Bytes),
@@ -220,8 +221,8 @@ impl Records {
         Read { pairs, numbers, problem }
     }
 
-    /// Returns the name of the query behind answer number `at`, for an error text. `first` is the zero-based number of
-    /// the first query in the batch.
+    /// Returns the name of a query for an error text: the query behind answer number `at` of this part, counted from 0.
+    /// `first` is the zero-based number of the part's first query in the batch.
     pub(super) fn name(&self, first: u64, at: usize) -> String {
         match self {
             Self::Listed(places, range) => places.place(range.start + at).trim_end_matches(": ").to_owned(),

@@ -20,7 +20,8 @@ pub(super) enum Question {
 }
 
 impl Question {
-    /// Removes a list of wavelengths that equals the material's own, because evaluation without a list is faster.
+    /// Drops from the question a list of wavelengths that equals the material's own: evaluation without a list is
+    /// faster.
     pub(super) fn simplified(mut self, material: &Material) -> Self {
         if let Self::Evaluate { wavelengths, .. } = &mut self
             && *wavelengths == material.wavelengths()
@@ -51,9 +52,8 @@ impl Question {
         };
         if directions.bytes() == 0 {
             let quantity = material.quantity();
-            let detail = format!(
-                "a {quantity} without directions has nothing that records of a batch could state, expected a JSON body"
-            );
+            let detail =
+                format!("queries of a {quantity} without directions have no f32 records, expected a JSON body");
             return Err(Problem::new(Kind::UnfitQuery, detail));
         }
         Ok(directions)

@@ -38,8 +38,8 @@ const PART_VALUES: usize = 1 << 16;
 /// costs memory and lets more blocks be evaluated at once.
 const BLOCKS: usize = 3;
 
-/// An evaluated and encoded block of queries: the bytes of its parts in order, and the error after the last answer, if
-/// any.
+/// Encoded answers to one block of queries: the bytes of the block's parts in order, and the error after the last
+/// answer, if any.
 #[derive(Debug)]
 struct Sent {
     parts: VecDeque<Bytes>,
@@ -74,7 +74,7 @@ pub(super) fn whole(
 fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
     if answers.saturating_mul(width) > most {
         return Err(Problem::invalid(format!(
-            "{answers} answers of {width} values, expected at most {most} values in one JSON answer; NDJSON and f32 have no end"
+            "{answers} answers of {width} values, expected at most {most} values in one JSON answer; NDJSON and f32 have no limit"
         )));
     }
     Ok(())
@@ -136,7 +136,7 @@ pub(super) async fn stream(
     Ok(response)
 }
 
-/// State of a streamed response that is being sent.
+/// Streamed answer that is being sent: the blocks still to come, and the rest of the current one.
 struct Sending {
     answered: BoxStream<'static, Sent>,
     sent: Sent,
@@ -153,7 +153,7 @@ impl Sending {
                 // Blocks after the problem are dropped.
                 self.answered = futures::stream::empty().boxed();
                 let problem = problem.body();
-                tracing::info!(detail = problem.detail, "a stream ended with a problem");
+                tracing::info!(detail = problem.detail, "a streamed answer ended with an error");
                 if encoding == Encoding::Floats {
                     return Err(io::Error::other(problem.detail));
                 }

@@ -8,7 +8,8 @@ use ring::digest::{Algorithm, Context, SHA1_FOR_LEGACY_USE_ONLY, SHA256};
 /// way, not against an attacker.
 pub(super) const NAMES: &str = "sha1,sha256";
 
-/// Stated checksum of a part, and the computation of its own.
+/// Checksum of an uploaded part: the value that the request states, and the running computation over the received
+/// bytes.
 #[derive(Clone)]
 pub(super) struct Checksum {
     stated: Vec<u8>,
@@ -29,12 +30,12 @@ impl Checksum {
         Ok(Self { stated, computed: Context::new(algorithm) })
     }
 
-    /// Adds bytes of the part.
+    /// Adds received bytes of an uploaded part to the computation of its checksum.
     pub(super) fn update(&mut self, bytes: &[u8]) {
         self.computed.update(bytes);
     }
 
-    /// Returns true if the bytes have the stated checksum.
+    /// Returns true if the received bytes have the stated checksum.
     pub(super) fn matches(self) -> bool {
         self.computed.finish().as_ref() == self.stated
     }

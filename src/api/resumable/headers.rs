@@ -29,7 +29,7 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>
     let mut values = headers.get_all(name).iter();
     let Some(value) = values.next() else { return Ok(None) };
     let text = value.to_str().ok().filter(|_| values.next().is_none());
-    text.map(Some).ok_or_else(|| bad(name, "expected one ASCII text"))
+    text.map(Some).ok_or_else(|| bad(name, "expected this header once, as ASCII text"))
 }
 
 /// Returns the whole number in a header, if the header is there.
@@ -50,7 +50,7 @@ pub(super) fn length_to_begin(headers: &HeaderMap) -> Result<Option<u64>, Proble
         (Some(length), None) => Ok(Some(length)),
         (None, Some("1")) => Ok(None),
         (None, Some(_)) => Err(bad(&DEFER_LENGTH, "expected 1")),
-        (Some(_), Some(_)) => Err(bad(&DEFER_LENGTH, "found Upload-Length, too; expected one of the two")),
+        (Some(_), Some(_)) => Err(bad(&DEFER_LENGTH, "found Upload-Length as well, expected one of the two headers")),
         (None, None) => {
             Err(bad(&LENGTH, "found none, expected the size of the upload in bytes, or Upload-Defer-Length: 1"))
         }
@@ -68,10 +68,10 @@ pub(super) fn metadata(headers: &HeaderMap) -> Result<String, Problem> {
     for pair in text.split(',').filter(|_| !text.is_empty()) {
         let (name, value) = pair.trim().split_once(' ').unwrap_or((pair.trim(), ""));
         if name.is_empty() || names.contains(&name) {
-            return Err(bad(&METADATA, "expected names that are not empty and differ"));
+            return Err(bad(&METADATA, "expected a name in each pair, and no name twice"));
         }
         if STANDARD.decode(value).is_err() {
-            return Err(bad(&METADATA, "expected the value of each name in Base64"));
+            return Err(bad(&METADATA, "expected each value in Base64"));
         }
         names.push(name);
     }
@@ -97,14 +97,14 @@ pub(super) fn asked(headers: &HeaderMap) -> Result<Asked, Problem> {
         return Err(Problem::new(Kind::UnsupportedMediaType, detail));
     }
     if headers.get(header::CONTENT_ENCODING).is_some_and(|value| value != "identity") {
-        let detail = "the bytes of an upload come without Content-Encoding; name it when the upload is used";
+        let detail = "found Content-Encoding, expected none on the bytes of an upload: send it with the request that uses the upload";
         return Err(Problem::new(Kind::UnsupportedEncoding, detail));
     }
     let begins = headers.contains_key(LENGTH) || headers.contains_key(DEFER_LENGTH);
     let offset = match number(headers, &OFFSET)? {
         Some(offset) => offset,
         None if begins => 0,
-        None => return Err(bad(&OFFSET, "found none, expected the number of bytes received before")),
+        None => return Err(bad(&OFFSET, "found none, expected the number of bytes that the upload has received")),
     };
     let checksum = text(headers, &CHECKSUM)?.map(Checksum::read).transpose();
     let checksum = checksum.map_err(|reason| bad(&CHECKSUM, &reason))?;

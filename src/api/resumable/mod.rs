@@ -47,7 +47,7 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
         .route_layer(axum::middleware::from_fn(protocol))
 }
 
-/// Middleware that refuses other versions of the protocol and states the version in every answer.
+/// Middleware that refuses requests in other versions of the tus protocol and states the version in every answer.
 async fn protocol(request: Request, next: Next) -> Response {
     let spoken = request.headers().get(RESUMABLE).map(|value| value == SPOKEN);
     let mut response = if request.method() == Method::OPTIONS || spoken == Some(true) {
@@ -143,24 +143,27 @@ async fn begin(app: &App, client: Client, headers: &HeaderMap) -> Result<Partial
     match app.engine.begin_partial(address.to_string(), length, metadata).await? {
         Begun::Now(partial) => Ok(partial),
         Begun::TooMany(Bound::All) => {
-            let detail = format!("{} uploads have begun and are not used; try again later", limits.partial_uploads);
+            let detail = format!("{} uploads are unused, the most allowed; try again later", limits.partial_uploads);
             Err(Problem::new(Kind::Overloaded, detail))
         }
         Begun::TooLarge(Bound::All) => {
-            let detail =
-                format!("all unused uploads may have {} bytes together; try again later", limits.partial_bytes);
+            let detail = format!(
+                "all unused uploads together would have more than {} bytes; try again later",
+                limits.partial_bytes
+            );
             Err(Problem::new(Kind::Overloaded, detail))
         }
         Begun::TooMany(bound) => {
             let (by, most) =
                 (holder(bound, address), most_of(bound, limits.partial_uploads, limits.partial_uploads_each));
-            let detail = format!("{by} has begun {most} uploads and not used them; use or delete one of them first");
+            let detail = format!("{by} has {most} unused uploads, the most allowed; use or delete one of them first");
             Err(Problem::new(Kind::TooManyAtOnce, detail))
         }
         Begun::TooLarge(bound) => {
             let (by, most) = (holder(bound, address), most_of(bound, limits.partial_bytes, limits.partial_bytes_each));
-            let detail =
-                format!("the unused uploads of {by} may have {most} bytes together; use or delete one of them first");
+            let detail = format!(
+                "the unused uploads of {by} would have more than {most} bytes; use or delete one of them first"
+            );
             Err(Problem::new(Kind::TooManyAtOnce, detail))
         }
     }

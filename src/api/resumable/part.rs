@@ -14,13 +14,13 @@ use bytes::BytesMut;
 use futures::StreamExt;
 use tokio::time::{Instant, timeout_at};
 
-/// Bytes of a part that are hashed and written to disk at a time.
+/// Number of bytes of a part of an upload that are hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
 
 /// Statements of a request about the bytes that it sends.
 #[derive(Clone)]
 pub(super) struct Asked {
-    /// Number of bytes that the upload has received before.
+    /// Number of bytes that the upload has received before this request, according to the request.
     pub(super) offset: u64,
     /// Size of the whole upload, if the request states it.
     pub(super) length: Option<u64>,
@@ -28,7 +28,7 @@ pub(super) struct Asked {
     pub(super) declared: Option<u64>,
     /// Checksum of the bytes that the request sends.
     pub(super) checksum: Option<Checksum>,
-    /// True if the request begins the upload: its client does not know the upload before the answer.
+    /// True if the request begins the upload. The client then learns the upload's id only from the answer.
     pub(super) begins: bool,
 }
 
@@ -41,7 +41,7 @@ pub(super) async fn begin(app: &App, client: Client, id: String, asked: Asked, b
         if appended.is_err()
             && let Err(error) = app.engine.end_partial(&id).await
         {
-            tracing::warn!(upload = id, %error, "an upload whose beginning failed stays until it expires");
+            tracing::warn!(upload = id, %error, "an upload that failed at its beginning was not deleted; it stays until it expires");
         }
         appended
     });
@@ -114,7 +114,8 @@ async fn held(app: &App, id: &str, asked: Asked, body: Body) -> Result<Partial, 
     }
 }
 
-/// A staged part with the size of the whole upload that its request stated, and the reason if the body broke after it.
+/// Part of an upload in a staging file, the size of the whole upload if the request stated it, and the reason if the
+/// body broke off after the part.
 type Received = ((Staged, Option<u64>), Option<Problem>);
 
 /// Receives the body of a request. Returns `None` for a body without bytes.
@@ -138,7 +139,10 @@ async fn received(app: &App, holding: &Holding, asked: Asked, body: Body) -> Res
             return Err(too_much(left));
         }
         if partial.parts >= limits.partial_parts {
-            let detail = format!("the upload has {} parts; begin another one and send larger parts", partial.parts);
+            let detail = format!(
+                "the upload has {} parts, the most allowed; begin another one with larger parts",
+                partial.parts
+            );
             return Err(Problem::new(Kind::OverLimit, detail));
         }
         Ok(left)
@@ -178,7 +182,7 @@ async fn stage(
     asked: &Asked,
 ) -> Result<(Staged, Option<Checksum>, Option<Problem>), Problem> {
     let limits = &app.engine.limits;
-    let fate = if asked.begins { "begin the upload again" } else { "what arrived was kept" };
+    let fate = if asked.begins { "begin the upload again" } else { "the bytes that arrived were kept" };
     let mut checksum = asked.checksum.clone();
     let deadline = Instant::now() + limits.upload_time;
     let staging = app.engine.archive.staging.clone();
@@ -199,7 +203,7 @@ async fn stage(
                 None
             }
             Err(_) => {
-                let detail = format!("one request may take {:?}; {fate}", limits.upload_time);
+                let detail = format!("the request took longer than {:?}; {fate}", limits.upload_time);
                 problem = Some(Problem::new(Kind::TooSlow, detail));
                 None
             }
@@ -241,5 +245,5 @@ async fn blocking<T: Send + 'static>(
 }
 
 fn too_much(left: u64) -> Problem {
-    Problem::new(Kind::TooLarge, format!("more bytes than the {left} that the upload still lacks; none was kept"))
+    Problem::new(Kind::TooLarge, format!("found more bytes than the {left} that the upload still lacks; none was kept"))
 }

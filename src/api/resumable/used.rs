@@ -66,7 +66,7 @@ async fn staged(app: &App, client: Client, holding: &Holding, request: Request) 
     let parts = holding.bytes().await?;
     let parts = parts.map(|piece| {
         piece.map_err(|error| {
-            tracing::error!(%error, "a part of an upload cannot be read");
+            tracing::error!(%error, "a part of an upload cannot be read from the store");
             std::io::Error::other(Lost)
         })
     });

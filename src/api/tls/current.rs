@@ -28,8 +28,8 @@ struct Watch {
 }
 
 impl Watch {
-    /// Takes note of a reading of the certificate files. Returns true if the contents are to be tried now: they equal
-    /// those of the reading before, and differ from those tried last.
+    /// Notes the digest of the certificate files as just read. Returns true if the files are to be tried as a
+    /// certificate now: the digest equals that of the reading before, and differs from that of the files tried last.
     fn is_settled(&mut self, reading: blake3::Hash) -> bool {
         let is_settled = reading == self.latest && reading != self.judged;
         self.latest = reading;

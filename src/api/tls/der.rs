@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reader<'a>(&'a [u8]);
 
-/// Tag of a sequence of elements.
+/// DER tag of a sequence.
 pub(super) const SEQUENCE: u8 = 0x30;
 
 impl<'a> Reader<'a> {

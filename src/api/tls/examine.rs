@@ -12,13 +12,13 @@ const SOON: i64 = 14 * DAY;
 
 const CHECK: &str = "local certificate";
 
-/// Judges the files of a certificate: pair, time, names and permissions. `names` are the hosts that requests may
-/// address.
+/// Checks a TLS certificate and its key: that they belong together, the validity period, the names, and who may read
+/// the key. `names` are the hosts that requests may address.
 pub(crate) fn certificate_found(files: &TlsFiles, names: &[String]) -> Finding {
     let is_public = |path: &Path| path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & 0o004 != 0);
     match files.load() {
         Ok(pair) => judge(files, &pair, names, unix_seconds().cast_signed(), is_public(&files.key)),
-        Err(reason) => Finding::fault(CHECK, reason, "serve does not start with these files"),
+        Err(reason) => Finding::fault(CHECK, reason, "`wavelume serve` does not start with these certificate files"),
     }
 }
 
@@ -31,10 +31,11 @@ fn judge(files: &TlsFiles, pair: &Pair, names: &[String], now: i64, is_public: b
     };
     let found = format!("for {}, until {}", names_of(own), date(pair.ends()));
     if let Some(late) = pair.chain.iter().find(|certificate| certificate.begins > now) {
-        let remedy = format!("it is valid from {} on: is the clock of this machine right?", date(late.begins));
+        let remedy =
+            format!("a certificate is valid only from {} on: is the clock of this machine right?", date(late.begins));
         return Finding::fault(CHECK, found, remedy);
     }
-    let which = if pair.ends() == own[0].ends { "it" } else { "a certificate of its chain" };
+    let which = if pair.ends() == own[0].ends { "the certificate" } else { "a certificate of the chain" };
     if pair.ends() <= now {
         return Finding::fault(CHECK, found, format!("{which} has expired: get a new one"));
     }
@@ -45,11 +46,14 @@ fn judge(files: &TlsFiles, pair: &Pair, names: &[String], now: i64, is_public: b
     let missing: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty() && !own[0].covers(name)).collect();
     if !missing.is_empty() {
-        let remedy = format!("clients refuse it for {}: get one with that name (subjectAltName)", missing.join(", "));
+        let remedy = format!(
+            "clients refuse the certificate for {}: get one with that name (subjectAltName)",
+            missing.join(", ")
+        );
         return Finding::warning(CHECK, found, remedy);
     }
     if own[0].names.is_empty() {
-        let remedy = "clients refuse it: get one with the host's name (subjectAltName)";
+        let remedy = "clients refuse a certificate without names: get one with the host's name (subjectAltName)";
         return Finding::warning(CHECK, found, remedy);
     }
     if is_public {
@@ -82,12 +86,26 @@ mod tests {
         for (names, chain, wanted, is_public, verdict, words) in [
             (&["a.example"][..], &[good][..], &["A.example"][..], false, Verdict::Ok, ""),
             (&["*.example"], &[good], &["a.example", ""], false, Verdict::Ok, ""),
-            (&["a.example"], &[good], &["a.example", "b.example"], false, Verdict::Warning, "refuse it for b.example:"),
+            (
+                &["a.example"],
+                &[good],
+                &["a.example", "b.example"],
+                false,
+                Verdict::Warning,
+                "refuse the certificate for b.example:",
+            ),
             (&[], &[good], &[], false, Verdict::Warning, "with the host's name"),
             (&["a.example"], &[good], &[], true, Verdict::Warning, "chmod o= key.pem"),
-            (&["a.example"], &[(now - DAY, now + 13 * DAY)], &[], false, Verdict::Warning, "it expires in 13 days"),
-            (&["a.example"], &[(now - DAY, now - 1)], &[], false, Verdict::Fault, "it has expired"),
-            (&["a.example"], &[good, (0, now)], &[], false, Verdict::Fault, "a certificate of its chain has expired"),
+            (
+                &["a.example"],
+                &[(now - DAY, now + 13 * DAY)],
+                &[],
+                false,
+                Verdict::Warning,
+                "the certificate expires in 13 days",
+            ),
+            (&["a.example"], &[(now - DAY, now - 1)], &[], false, Verdict::Fault, "the certificate has expired"),
+            (&["a.example"], &[good, (0, now)], &[], false, Verdict::Fault, "a certificate of the chain has expired"),
             (&["a.example"], &[(now + 60, now + 90 * DAY)], &[], false, Verdict::Fault, "is the clock"),
         ] {
             let wanted: Vec<String> = wanted.iter().map(|name| (*name).to_owned()).collect();

@@ -14,7 +14,8 @@ use std::sync::Arc;
 /// Files of a TLS certificate, both in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// File of the certificate, followed by those that lead from it to one that clients know (the *chain*).
+    /// PEM file with the certificate, followed by the certificates that lead from it to one that clients know (the
+    /// *chain*).
     pub chain: PathBuf,
     /// File of the private key of the certificate, without a passphrase.
     pub key: PathBuf,
@@ -111,7 +112,8 @@ impl Pair {
         }
     }
 
-    /// Time at which the first certificate of the chain ends, in seconds since 1970: from then on clients refuse it.
+    /// Earliest time at which a certificate of the chain expires, in seconds since 1970. From then on clients refuse
+    /// the chain.
     pub(super) fn ends(&self) -> i64 {
         self.chain.iter().map(|certificate| certificate.ends).min().unwrap_or(i64::MIN)
     }

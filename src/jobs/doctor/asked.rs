@@ -8,21 +8,21 @@ use tokio::time::timeout;
 /// slower ones, but delays the report when there is no answer.
 pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Outcome of reading the facts about the database that `wavelume doctor` judges.
+/// Outcome of examining the database for `wavelume doctor`.
 pub(super) enum Asked {
-    /// There is no SQLite file yet.
+    /// The SQLite file of the database does not exist yet.
     Missing,
-    /// The database did not give all facts within [`PATIENCE`].
+    /// The database did not answer all questions within [`PATIENCE`].
     Silent,
     /// The database cannot be used.
     Failed(CatalogError),
-    /// The database was examined; the facts about it.
+    /// The database was examined, with these results.
     Answered(Box<Examined>),
 }
 
 impl Asked {
     /// Connects to the database at `place` and reads what `wavelume doctor` judges: its version, settings, clock and
-    /// schema. `is_missing` says that `place` is a SQLite file that does not exist: it is not created.
+    /// schema. `is_missing` states that `place` is a SQLite file that does not exist; the file is not created.
     pub(super) async fn of(place: &Database, is_missing: bool) -> Self {
         if is_missing {
             return Self::Missing;

@@ -19,14 +19,15 @@ pub(super) fn judge(place: &Database, asked: &Asked, processes: u32) -> Vec<Find
         Asked::Missing => {
             return vec![Finding::warning(
                 "database",
-                format!("{place} does not exist yet"),
-                "serve, worker and migrate create it; check --data and --database if it should be there",
+                format!("the database {place} does not exist yet"),
+                "`wavelume serve`, `worker` and `migrate` create the database; check --data and --database if it \
+                 should exist",
             )];
         }
         Asked::Silent => {
             return vec![Finding::fault(
                 "database",
-                format!("{place} gave no answer within {} s", PATIENCE.as_secs()),
+                format!("the database {place} gave no answer within {} s", PATIENCE.as_secs()),
                 "check its address, the network in between, and that it runs",
             )];
         }
@@ -53,7 +54,7 @@ pub(super) fn judge(place: &Database, asked: &Asked, processes: u32) -> Vec<Find
                 Finding::warning(
                     "database lock",
                     "another program is writing to the database at this moment",
-                    "run doctor again; if it stays so, end that program",
+                    "run `wavelume doctor` again; if the program still writes, end it",
                 )
             });
         }
@@ -146,8 +147,8 @@ fn clock(examined: &Examined) -> Finding {
 
 fn schema(examined: &Examined) -> Finding {
     let found = match examined.schema {
-        0 => format!("none, this program has {SCHEMA}"),
-        version => format!("{version}, this program has {SCHEMA}"),
+        0 => format!("none yet, this program has version {SCHEMA}"),
+        version => format!("version {version}, this program has version {SCHEMA}"),
     };
     let is_file = matches!(examined.engine, EngineFacts::File { .. });
     match examined.schema {
@@ -164,7 +165,7 @@ fn schema(examined: &Examined) -> Finding {
 fn connections(server: &ServerFacts, processes: u32) -> Finding {
     let needed = i64::from(processes) * EACH;
     let found = format!(
-        "{} for users, {} in use; {processes} processes need up to {needed}",
+        "{} connections for users, {} in use; {processes} processes need up to {needed}",
         server.connections, server.in_use
     );
     if needed > server.connections {
@@ -173,7 +174,7 @@ fn connections(server: &ServerFacts, processes: u32) -> Finding {
         return Finding::fault("database connections", found, remedy);
     }
     if server.in_use + EACH > server.connections {
-        let remedy = "one more process may find none: raise max_connections, or end idle clients";
+        let remedy = "one more process may find no free connection: raise max_connections, or end idle clients";
         return Finding::warning("database connections", found, remedy);
     }
     Finding::ok("database connections", found)

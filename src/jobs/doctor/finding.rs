@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-/// Result of one check.
+/// Result of one check of `wavelume doctor`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Finding {
-    /// Verdict on what was found.
+    /// Verdict on what the check has found.
     pub verdict: Verdict,
-    /// Name of the check, beginning with its part of the site: `database`, `store` or `local`.
+    /// Name of the check, beginning with the part of the service that it examines: `database`, `store` or `local`.
     pub check: String,
     /// Description, for the operator, of what the check has found.
     pub found: String,
@@ -15,11 +15,11 @@ pub(crate) struct Finding {
     pub remedy: String,
 }
 
-/// Verdict of a check.
+/// Verdict of a check of `wavelume doctor` on a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Verdict {
-    /// Nothing to do.
+    /// The check found nothing that the operator should change.
     Ok,
     /// The service works, but may not for long, or not as intended.
     Warning,
@@ -28,7 +28,7 @@ pub(crate) enum Verdict {
 }
 
 impl Verdict {
-    /// Name of the verdict, in lower case.
+    /// Returns the name of the verdict in lower case, such as `warning`.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",

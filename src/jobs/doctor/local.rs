@@ -7,9 +7,9 @@ use rustix::fs::statvfs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Directories of a service on this machine, and the size of an upload.
+/// Directories of a service on this machine, for the checks of their disks, and the size of an upload.
 pub(super) struct Disks {
-    /// Data directory, which holds temporary files.
+    /// Data directory of the service; it holds temporary files.
     data: PathBuf,
     /// SQLite file, if the catalog is one.
     file: Option<PathBuf>,
@@ -47,14 +47,14 @@ const KINDS: [(u32, &str, Fit); 20] = [
     (0x794C_7630, "overlay", Fit::Disk),
 ];
 
-/// Fitness of a file system for data that must stay.
+/// Fitness of a file system for the data of a service, which must survive a restart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fit {
-    /// Local disk.
+    /// The file system lies on a disk of this machine.
     Disk,
     /// Main memory, empty after a restart of the machine.
     Memory,
-    /// File system over a network, or of a program (FUSE).
+    /// The file system is reached over a network, or served by a program (FUSE).
     Network,
 }
 
@@ -90,7 +90,7 @@ fn scratch(data: &Path) -> Finding {
         return Finding::warning(
             CHECK,
             format!("the data directory {} does not exist yet", data.display()),
-            "serve, worker and migrate create it; check --data if it should be there",
+            "`wavelume serve`, `worker` and `migrate` create the data directory; check --data if it should exist",
         );
     }
     // Temporary files of the service lie in this folder once it is there.
@@ -123,14 +123,18 @@ fn space(check: &str, directory: &Path, upload: u64) -> Finding {
     let free = found.f_bavail.saturating_mul(found.f_frsize);
     let shown = format!("{} free for {}", size(free), directory.display());
     if free < upload.saturating_mul(2) {
-        return Finding::fault(check, shown, format!("an upload takes up to {}: make room", size(upload)));
+        return Finding::fault(check, shown, format!("an upload takes up to {} on this disk: make room", size(upload)));
     }
     if found.f_files > 0 && found.f_favail < 1000 {
         let shown = format!("{shown}, but only {} more files", found.f_favail);
         return Finding::fault(check, shown, "remove files, or make a file system with more inodes");
     }
     if free < upload.saturating_mul(UPLOADS) {
-        return Finding::warning(check, shown, format!("an upload takes up to {}: make room soon", size(upload)));
+        return Finding::warning(
+            check,
+            shown,
+            format!("an upload takes up to {} on this disk: make room soon", size(upload)),
+        );
     }
     Finding::ok(check, shown)
 }
@@ -148,9 +152,11 @@ fn judged(check: &str, number: u32, holds_sqlite: bool) -> Finding {
         return Finding::ok(check, format!("of an unknown kind ({number:#x})"));
     };
     match fit {
-        Fit::Memory => {
-            Finding::warning(check, *name, "a restart of the machine empties it: choose a directory on a disk")
-        }
+        Fit::Memory => Finding::warning(
+            check,
+            *name,
+            "a restart of the machine empties this file system: choose a directory on a disk",
+        ),
         Fit::Network if holds_sqlite => Finding::fault(
             check,
             format!("{name}: SQLite does not keep its data whole there"),

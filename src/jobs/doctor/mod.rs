@@ -20,7 +20,7 @@ use store::{Found, Stored};
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
-/// Places of a service, as they are found on the disk.
+/// Data directory, database and store of a service, as `wavelume doctor` finds them.
 struct Layout {
     root: PathBuf,
     database: Database,
@@ -31,7 +31,7 @@ struct Layout {
 }
 
 impl Layout {
-    /// Looks for the places of a service. Blocks the thread.
+    /// Finds data directory, database and store of a service, without creating them. Blocks the thread.
     fn of(site: &Site) -> Self {
         // A missing directory has no other name.
         let root = site.data.canonicalize().unwrap_or_else(|_| site.data.clone());
@@ -41,7 +41,8 @@ impl Layout {
     }
 }
 
-/// Examines the places of a service. `processes` is the number of nodes and workers that share the database.
+/// Examines the machine, the database and the store of a service. `processes` is the number of nodes and workers that
+/// share the database.
 pub(crate) async fn examine(config: &WorkConfig, processes: u32) -> Vec<Finding> {
     let (site, upload) = (config.site.clone(), config.limits.upload_bytes);
     let Some(layout) = patiently(move || Layout::of(&site)).await else { return vec![silent(config)] };

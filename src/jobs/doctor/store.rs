@@ -6,13 +6,13 @@ use super::finding::Finding;
 use crate::catalog::{Database, Examined};
 use crate::store::{Place, Probe, Step};
 
-/// Store that is to be examined.
+/// Store that `wavelume doctor` is to examine, as it was found before any request.
 pub(super) enum Found {
     /// The directory of the store does not exist yet.
     Missing,
     /// The store cannot be used at all.
     Failed(String),
-    /// The store can be asked.
+    /// The store was opened; nothing was read from it yet.
     Open(Probe),
 }
 
@@ -26,25 +26,26 @@ impl Found {
     }
 }
 
-/// Answer of a store.
+/// State of a store, as `wavelume doctor` finds it.
 pub(super) enum Stored {
     /// The directory of the store does not exist yet.
     Missing,
     /// The store cannot be used at all.
     Failed(String),
-    /// The store has answered.
+    /// The store has given its id and the outcome of each step of the test.
     Answered {
-        /// Id that the store carries.
+        /// Id of the catalog to which the store belongs, as the store carries it; `None` if it carries none.
         id: Option<String>,
         /// True if the store is the place of a backup.
         is_backup: bool,
-        /// Steps of the probe.
+        /// Steps of the test of the store, each with its outcome.
         steps: Vec<Step>,
     },
 }
 
 impl Stored {
-    /// Asks a store for the id that it carries, and makes a probe of it.
+    /// Reads the id of the catalog that a store carries, and tests if objects can be written, read, listed and removed
+    /// there.
     pub(super) async fn of(found: Found) -> Self {
         match found {
             Found::Missing => Self::Missing,
@@ -62,7 +63,7 @@ impl Stored {
             Self::Missing => {
                 return vec![Finding::warning(
                     "store",
-                    format!("{place} does not exist yet"),
+                    format!("the store {place} does not exist yet"),
                     "`wavelume serve` and `wavelume worker` create the store; check --data and --store if it should exist",
                 )];
             }
@@ -90,7 +91,7 @@ impl Stored {
     }
 }
 
-/// Returns the advice for a failed step of the probe.
+/// Returns the advice for the operator on a step that failed in the test of the store.
 fn right(step: &str) -> &'static str {
     match step {
         "put" | "multipart" => {
@@ -102,10 +103,10 @@ fn right(step: &str) -> &'static str {
     }
 }
 
-/// Name of the check that the store belongs to the catalog.
+/// Name of the check of `wavelume doctor` that the store belongs to the catalog.
 const CHECK: &str = "store instance";
 
-/// Returns the verdict on a store that is the place of a backup.
+/// Returns the finding of `wavelume doctor` on a store that is the place of a backup.
 fn backup(place: &Place) -> Finding {
     Finding::fault(
         CHECK,
@@ -114,7 +115,7 @@ fn backup(place: &Place) -> Finding {
     )
 }
 
-/// Compares the id in the store with that of the catalog.
+/// Compares the id that the store carries with the id of the catalog, and returns the finding of `wavelume doctor`.
 fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
     let carried = id.map_or_else(|| format!("the store carries no {INSTANCE}"), |id| format!("the store carries {id}"));
     let ours = match asked {
@@ -133,12 +134,13 @@ fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
     }
     let name = ours.and_then(|ours| ours.instance.as_deref());
     match (id, name) {
-        (Some(id), Some(name)) if id == name => Finding::ok(CHECK, format!("store and catalog are {name}")),
+        (Some(id), Some(name)) if id == name => Finding::ok(CHECK, format!("store and catalog have the id {name}")),
         (Some(id), _) => {
-            let name = name.map_or_else(|| "has no id yet".to_owned(), |name| format!("is {name}"));
+            let name =
+                name.map_or_else(|| "has a catalog without an id".to_owned(), |name| format!("has the catalog {name}"));
             Finding::fault(
                 CHECK,
-                format!("{carried}, the catalog {database} {name}"),
+                format!("{carried}, but the database {database} {name}"),
                 format!(
                     "check --store and --database; if the catalog {id} is gone for good, take its store over with \
                      --adopt-store {id}"
@@ -150,6 +152,9 @@ fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
             format!("{carried}, but the catalog {database} ({name}) has used a store before"),
             format!("check --store; if it is the right one and the text was removed, write {name} to {INSTANCE} in it"),
         ),
-        (None, _) => Finding::ok(CHECK, "new: the first start of serve or worker binds the store to the catalog"),
+        (None, _) => Finding::ok(
+            CHECK,
+            "the store is new: the first start of `wavelume serve` or `worker` binds it to the catalog",
+        ),
     }
 }

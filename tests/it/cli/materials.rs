@@ -49,7 +49,7 @@ fn a_slice_of_a_material_is_that_of_the_whole() {
         }
         let beyond = INCOMING.to_string();
         let refusal = refused(1, &["decode", &made, "--incoming", &beyond, "-o", &array]);
-        assert!(refusal.contains("there is no incoming entry"), "{refusal}");
+        assert!(refusal.contains("has no incoming direction number"), "{refusal}");
         refused(2, &["decode", &made, "--incoming", "0", "--level", "0", "-o", &array]);
     }
     let refusal =

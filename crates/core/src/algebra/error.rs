@@ -16,7 +16,8 @@ pub enum AlgebraError {
     /// A signal has more samples than allowed for a table that arithmetic on spectra needs, such as a Gram matrix.
     #[error("too large: {what} for {found} samples, expected at most {most} samples")]
     TooLong {
-        /// Name of the table that would be too large, for example `a Gram matrix`.
+        /// Name of the table that is refused, because the signal has too many samples for it, for example `a Gram
+        /// matrix`.
         what: &'static str,
         /// Number of samples of the signal.
         found: usize,
@@ -53,7 +54,7 @@ pub enum AlgebraError {
         /// Position of the sample or weight that is not finite. Samples of a signal count from 0; weights of the
         /// materials in a weighted sum count from 1.
         index: usize,
-        /// Number found: NaN or infinite.
+        /// Value of the sample or weight that is not finite: NaN or infinite.
         found: f64,
     },
     /// A coefficient of a sparse spectrum has an index out of range, is given twice or is not finite.
@@ -81,7 +82,8 @@ pub enum AlgebraError {
     Unlike {
         /// Position of the material in the list of operands, from 1.
         at: usize,
-        /// Name of the property that differs between the two materials, for example `unit`.
+        /// Name of the property in which the refused material differs from the first material in the sum, for example
+        /// `unit`.
         what: &'static str,
         /// Property of the refused material, such as its unit, that differs from that of the first material in the sum.
         found: String,
@@ -99,8 +101,8 @@ pub enum AlgebraError {
     /// A material stores an analytic reflection lobe in addition to its samples, which sums and products cannot
     /// represent.
     #[error(
-        "material {at} has a lobe beside its cells, which sums and products of materials do not support; combine the \
-         measurements before they are compressed"
+        "material {at} has an analytic lobe beside its samples, which sums and products of materials do not support; \
+         combine the measurements before they are compressed"
     )]
     Lobe {
         /// Position of the material in the list of operands, from 1.

@@ -269,15 +269,21 @@ fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError
     let mut common: Option<Kept> = None;
     for (operand, at) in operands.iter().zip(1..) {
         let Some(kept) = Kept::of(operand.bytes).map_err(|e| undecoded(at, e))? else {
-            return Ok(Err(format!("material {at} does not hold coefficients of the samples themselves")));
+            return Ok(Err(format!(
+                "the file of material {at} stores no transform coefficients of its samples that can be added directly"
+            )));
         };
         match &mut common {
             None => common = Some(kept),
             Some(first) if first.transforms == kept.transforms => first.has_masks |= kept.has_masks,
-            Some(_) => return Ok(Err(format!("material {at} is in other bases than the first"))),
+            Some(_) => {
+                return Ok(Err(format!(
+                    "the coefficients of material {at} are in other bases than those of material 1"
+                )));
+            }
         }
     }
-    Ok(common.ok_or_else(|| "there is no material".to_owned()))
+    Ok(common.ok_or_else(|| "the list of materials to be summed is empty".to_owned()))
 }
 
 /// Returns the common rule for interpolation between incoming directions of the materials in a weighted sum. Returns

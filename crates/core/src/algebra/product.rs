@@ -24,8 +24,8 @@ use std::sync::Arc;
 /// Rounding threshold of the coefficients of a product of two basis functions. Each is a sum over samples; it is set to
 /// 0 if it is not above this fraction of its summands' magnitudes, added up. Raising it sets more to 0.
 const ZERO: f64 = 1e-14;
-/// Largest number of consecutive zeros that is stored within a run of coupling coefficients. Raising it gives fewer,
-/// longer runs with more zeros.
+/// Largest number of consecutive zeros stored within a run of coupling coefficients, those that expand the product of
+/// two basis functions. Raising it gives fewer, longer runs with more zeros.
 const GAP: usize = 3;
 
 /// Table of the coupling coefficients `C(k; i, j)`: coefficient k of the product of basis functions i and j, for i ≤ j,
@@ -49,13 +49,14 @@ struct Run {
     start: u32,
 }
 
-/// Coupling coefficients C(k; i, j) of one pair (i, j) of basis functions, as runs of consecutive k: the first k of a
-/// run, and the coefficients from there on.
+/// Coupling coefficients C(k; i, j) of one pair of basis functions: coefficients k of the product of functions i and j,
+/// as runs of consecutive k. A run is its first k, and the coefficients from there on.
 type Row = Vec<(u32, Vec<f64>)>;
 
 impl Couplings {
-    /// Computes all coupling coefficients of a basis. If all functions overlap, there are n²/2 pairs of n coefficients
-    /// each, which restricts the table to short signals ([`MAX_COUPLED`], [`MAX_COUPLINGS`]).
+    /// Computes all coupling coefficients of a basis: those that expand the product of each pair of basis functions in
+    /// the basis. If all functions overlap, there are n²/2 pairs of n coefficients each, which restricts the table to
+    /// short signals ([`MAX_COUPLED`], [`MAX_COUPLINGS`]).
     pub fn new(space: &Arc<LineSpace>) -> Result<Self, AlgebraError> {
         let length = space.length();
         if length > MAX_COUPLED {
@@ -93,7 +94,8 @@ impl Couplings {
         self.count
     }
 
-    /// Returns true if all products of two basis functions are 0, and so every product of two spectra.
+    /// Returns true if the table has no nonzero coupling coefficient, so that every product of two spectra in this
+    /// basis is 0.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

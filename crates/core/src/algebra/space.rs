@@ -50,7 +50,10 @@ impl LineSpace {
         check_length(length)?;
         let refuse = |reason: String| AlgebraError::Basis { length, reason };
         if vectors.len() > length || vectors.iter().any(|vector| vector.len() != length) {
-            return Err(refuse(format!("{} vectors, expected at most {length} of the same length", vectors.len())));
+            return Err(refuse(format!(
+                "{} basis vectors are given, expected at most {length}, each of {length} numbers",
+                vectors.len()
+            )));
         }
         for (i, a) in vectors.iter().enumerate() {
             for (j, b) in vectors[..=i].iter().enumerate() {
@@ -58,7 +61,9 @@ impl LineSpace {
                 let expected = if i == j { 1.0 } else { 0.0 };
                 let is_close = (product - expected).abs() <= 1e-9;
                 if !is_close {
-                    return Err(refuse(format!("vectors {j} and {i} have the product {product}, expected {expected}")));
+                    return Err(refuse(format!(
+                        "the basis vectors {j} and {i} have the dot product {product}, expected {expected}"
+                    )));
                 }
             }
         }

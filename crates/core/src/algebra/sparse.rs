@@ -32,10 +32,13 @@ impl SparseSpectrum {
         for (i, entry) in entries.iter().enumerate() {
             let refuse = |reason| AlgebraError::Entry { index: entry.index, reason };
             if entry.index as usize >= count {
-                return Err(refuse(format!("outside of {}, expected an index below {count}", space.name())));
+                return Err(refuse(format!(
+                    "lies outside of the basis {}, expected an index below {count}",
+                    space.name()
+                )));
             }
             if i > 0 && entries[i - 1].index == entry.index {
-                return Err(refuse("given twice, expected once".to_owned()));
+                return Err(refuse("is given twice, expected once".to_owned()));
             }
             if !entry.value.is_finite() {
                 return Err(refuse(format!("is {}, expected a finite number", entry.value)));

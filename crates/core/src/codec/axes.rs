@@ -124,7 +124,7 @@ fn read_axis(r: &mut Reader<'_>) -> Result<Axis, CodecError> {
         let mesh = Domain::from_code(domain).and_then(|domain| TriangleMesh::new(domain, level));
         return mesh
             .map(Axis::Triangles)
-            .ok_or_else(|| r.malformed(format!("triangle domain {domain} at level {level}")));
+            .ok_or_else(|| r.malformed(format!("no triangle mesh has domain {domain} and level {level}")));
     }
     let (kind, form) = (first & 7, first >> 3);
     match (kind, form) {
@@ -159,7 +159,7 @@ fn read_grid(r: &mut Reader<'_>, form: u8) -> Result<DirectionGrid, CodecError> 
     let flags = r.u8("frame and flags of polar angles")?;
     let has = |flag: u8| flags & flag != 0;
     if has(0x80) {
-        return Err(r.malformed(format!("flags {flags:#04x} of polar angles are unknown")));
+        return Err(r.malformed(format!("the flags {flags:#04x} of the polar angles of a grid are unknown")));
     }
     let frame = Frame::from_code(flags & 3).unwrap_or(Frame::Surface);
     let mut end = |flag, what| if has(flag) { r.f64(what).map(Some) } else { Ok(None) };
@@ -184,8 +184,8 @@ fn read_azimuths(r: &mut Reader<'_>) -> Result<Azimuths, CodecError> {
     }
     let angles = read_list(r, form, MAX_ENTRIES, "azimuths")?;
     let code = r.u8("extent of azimuths")?;
-    let extent =
-        AzimuthExtent::from_code(code).ok_or_else(|| r.malformed(format!("extent of azimuths {code} is unknown")))?;
+    let extent = AzimuthExtent::from_code(code)
+        .ok_or_else(|| r.malformed(format!("the code {code} of the extent of azimuths is unknown")))?;
     Ok(Azimuths { angles, extent })
 }
 
@@ -291,7 +291,10 @@ fn read_spacing(r: &mut Reader<'_>, what: &'static str) -> Result<Spacing, Codec
     let first = r.u8(what)?;
     let (rule, form) = (Rule::ALL.get(usize::from(first & 15)), first >> 4);
     let (Some(&rule), 0..=MAX_DECIMALS | FORM_F64) = (rule, form) else {
-        return Err(r.malformed(format!("{what} spaced by rule {} between ends of form {form}", first & 15)));
+        return Err(r.malformed(format!(
+            "{what} are spaced by rule {} between ends in form {form}, expected a known rule and form",
+            first & 15
+        )));
     };
     let mut end = || match form {
         FORM_F64 => r.f64(what),
@@ -320,13 +323,15 @@ fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> 
     if form == FORM_SPACED {
         let spacing = read_spacing(r, what)?;
         let values = (0..count).map(|i| Some(spacing.at(i, count)).filter(|value| value.is_finite()));
-        return values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")));
+        return values
+            .collect::<Option<Vec<_>>>()
+            .ok_or_else(|| r.malformed(format!("{what} contain a value that is no finite number")));
     }
     let coefficients = usize::from(r.u8(what)?);
     if coefficients > MAX_DEGREE + 1 {
         let most = MAX_DEGREE + 1;
         return Err(
-            r.malformed(format!("{what} on a polynomial of {coefficients} coefficients, expected at most {most}"))
+            r.malformed(format!("{what} follow a polynomial of {coefficients} coefficients, expected at most {most}"))
         );
     }
     let coefficients = (0..coefficients).map(|_| r.f64(what)).collect::<Result<Vec<_>, _>>()?;
@@ -346,7 +351,9 @@ fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> 
         _ => Some(k as f64 / scale),
     };
     let values = integers.into_iter().map(|k| value(k).filter(|v| v.is_finite()));
-    values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")))
+    values
+        .collect::<Option<Vec<_>>>()
+        .ok_or_else(|| r.malformed(format!("{what} contain a value that is no finite number")))
 }
 
 /// Encodes or decodes a list of integers below 2^32 as second differences. If `curved` is true, the integers are coded

@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         &self.bytes[start - self.base..self.position]
     }
 
-    /// Returns an error about the field that was read last.
+    /// Returns the error that the field read last is invalid, for the given reason.
     pub(crate) fn malformed(&self, reason: impl Into<String>) -> CodecError {
         CodecError::Malformed { at: self.offset(), reason: reason.into() }
     }
@@ -112,13 +112,21 @@ impl<'a> Reader<'a> {
     /// Reads an IEEE 754 single-precision number, which must be finite.
     pub(crate) fn f32(&mut self, expected: &'static str) -> Result<f32, CodecError> {
         let value = f32::from_le_bytes(self.array(expected)?);
-        if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.malformed(format!("{expected} is {value}, expected a finite number")))
+        }
     }
 
     /// Reads an IEEE 754 double-precision number, which must be finite.
     pub(crate) fn f64(&mut self, expected: &'static str) -> Result<f64, CodecError> {
         let value = f64::from_le_bytes(self.array(expected)?);
-        if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.malformed(format!("{expected} is {value}, expected a finite number")))
+        }
     }
 
     /// Reads a LEB128 integer, which must be in its shortest form.
@@ -151,7 +159,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn end(&self, what: &'static str) -> Result<(), CodecError> {
         match self.remaining() {
             0 => Ok(()),
-            n => Err(self.malformed(format!("{n} bytes after the end of the {what}"))),
+            n => Err(self.malformed(format!("{n} bytes are left after the end of the {what}"))),
         }
     }
 }

@@ -8,14 +8,14 @@ use super::range::BitCoder;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Class {
-    /// Sample above 0.
+    /// Class of the samples above 0.
     #[default]
     Positive = 0,
-    /// Sample below 0.
+    /// Class of the samples below 0.
     Negative = 1,
-    /// Sample that is exactly 0, or below a floor that the user declared.
+    /// Class of the samples that are exactly 0, or below a floor that the user declared.
     Zero = 2,
-    /// Masked sample: it was not measured.
+    /// Class of the masked samples, which were not measured.
     Masked = 3,
 }
 

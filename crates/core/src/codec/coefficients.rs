@@ -57,7 +57,8 @@ const ZERO_SET: usize = LEVELS;
 const MAGNITUDE_SET: usize = ZERO_SET + LEVELS;
 const SETS: usize = MAGNITUDE_SET + MagnitudeSlots::SETS;
 
-/// Encodes or decodes the coefficients `values` (all rows, in memory order); a decoder overwrites them.
+/// Encodes or decodes `values`, the coefficients of a tensor as integers: all rows of the tensor, in memory order. A
+/// decoder overwrites them.
 ///
 /// # Panics
 /// If `rows` does not describe `values`.
@@ -78,8 +79,8 @@ pub(crate) fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload
     }
 }
 
-/// Encodes or decodes the corrections of samples that enforce a pointwise error bound, in memory order, in rows of
-/// `lanes`.
+/// Encodes or decodes the corrections of samples that enforce a pointwise error bound, one integer for each sample: in
+/// memory order, in rows of `lanes` samples.
 pub(crate) fn code_corrections<C: BitCoder>(coder: &mut C, lanes: usize, values: &mut [i32]) {
     code_coefficients(coder, &Rows::natural(values.len() / lanes, lanes), Payload::Integer, values);
 }
@@ -170,7 +171,8 @@ impl State {
         }
     }
 
-    /// Encodes or decodes whether a row of the coefficient tensor (a run of its last axis) has a nonzero value.
+    /// Encodes or decodes the flag of a row of the coefficient tensor (a run of its last axis) that says if the row has
+    /// a nonzero value.
     fn code_row_flag<C: BitCoder>(
         &mut self,
         coder: &mut C,

@@ -46,7 +46,7 @@ pub(crate) enum ChunkKind {
     Pyramid,
     /// Samples on grids of angles, predicted in steps that halve the grid spacing.
     Grid,
-    /// Wavelet coefficients, quantised or exact.
+    /// Wavelet coefficients of the samples or of their logarithms, quantised or exact.
     Coefficients,
     /// Corrections that keep the light (albedo or flux) of each incoming direction and wavelength within an error
     /// bound. Light is the integral of the samples over the outgoing directions.

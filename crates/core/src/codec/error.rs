@@ -36,7 +36,7 @@ pub enum CodecError {
     Malformed {
         /// Offset in the file of the end of the invalid field, in bytes.
         at: usize,
-        /// Text that names the value found and what was expected.
+        /// Fault of the invalid field: the value found, and what was expected.
         reason: String,
     },
 }

@@ -23,8 +23,8 @@ fn unordered(value: u32) -> u32 {
     if value >> 31 == 1 { value & !(1 << 31) } else { !value }
 }
 
-/// Encodes or decodes float32 samples without loss, in rows of `lanes`; a decoder overwrites them. Masked samples (NaN)
-/// must be filled by the caller.
+/// Encodes or decodes float32 samples without loss, in rows of `lanes` samples; a decoder overwrites them. Masked
+/// samples (NaN) must be filled by the caller.
 ///
 /// # Panics
 /// If the number of samples is not a multiple of `lanes`.

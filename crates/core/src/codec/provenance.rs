@@ -108,7 +108,7 @@ pub(crate) fn read_provenance(r: &mut Reader<'_>, limit: usize) -> Result<String
     let short = read_text(TYPICAL, r, limit)?;
     let marks = short.matches(MARK).count();
     if marks != count {
-        return Err(r.malformed(format!("{count} digests for {marks} places in the provenance")));
+        return Err(r.malformed(format!("the metadata have {count} hash digests for {marks} places in their text")));
     }
     let mut text = String::with_capacity(short.len() + count * (PREFIX.len() + 2 * DIGEST));
     let mut parts = short.split(MARK);

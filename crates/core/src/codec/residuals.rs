@@ -160,7 +160,7 @@ impl Expected {
     }
 }
 
-/// Coder of residuals, with adaptive probabilities.
+/// Coder of residuals (quantised prediction errors), with adaptive probabilities.
 pub(crate) struct ResidualCoder {
     model: Model<4>,
     tables: &'static Tables,

@@ -10,7 +10,8 @@ const MAGNITUDE: usize = SIGN + 3;
 /// Initial probability, in 1/65536, that a coded integer is not 0: one in five.
 const USUALLY_NONZERO: u32 = 13_107;
 
-/// Encodes or decodes rows of `lanes` small signed integers, mostly 0; a decoder overwrites them.
+/// Encodes or decodes corrections of the light (albedo, flux): rows of `lanes` small signed integers, mostly 0. A
+/// decoder overwrites them.
 ///
 /// # Panics
 /// If the number of integers is not a multiple of `lanes`.

@@ -100,7 +100,8 @@ pub(crate) fn read_text(typical: &str, r: &mut Reader<'_>, limit: usize) -> Resu
     let coded = r.take(r.remaining(), "metadata")?;
     let least = length / MOST_PER_BYTE;
     if coded.len() < least {
-        let text = format!("{length} bytes of metadata in {}, expected at least {least}", coded.len());
+        let text =
+            format!("{length} bytes of metadata are coded in {} bytes, expected at least {least} bytes", coded.len());
         return Err(r.malformed(text));
     }
     let mut models = TextCoder::new(typical);
@@ -111,7 +112,7 @@ pub(crate) fn read_text(typical: &str, r: &mut Reader<'_>, limit: usize) -> Resu
     }
     let unused = coded.get(decoder.position()..).unwrap_or_default();
     if !unused.is_empty() && (coded.len() > least || unused.iter().any(|&byte| byte != 0)) {
-        return Err(r.malformed("bytes after the end of the metadata"));
+        return Err(r.malformed("bytes are left after the end of the metadata"));
     }
     String::from_utf8(bytes).map_err(|_| r.malformed("metadata is no UTF-8 text"))
 }

@@ -159,7 +159,11 @@ impl Between {
         let mut number = |what: &'static str, [low, high]: [f32; 2]| {
             let number = f32::from_bits(r.low_bytes(2, what)? << 16);
             let is_held = number.is_sign_positive() && (low..=high).contains(&number);
-            if is_held { Ok(number) } else { Err(r.malformed(format!("{what} is {number}, expected {low} to {high}"))) }
+            if is_held {
+                Ok(number)
+            } else {
+                Err(r.malformed(format!("the {what} of the interpolation is {number}, expected {low} to {high}")))
+            }
         };
         let divisor = match first & DIVISOR {
             0 => Divisor::None,
@@ -171,10 +175,14 @@ impl Between {
                 reflectance: number("reflectance", REFLECTANCE)?,
                 base: number("base", BASE)?,
             },
-            other => return Err(r.malformed(format!("divisor {other} is unknown"))),
+            other => {
+                return Err(r.malformed(format!("the code {other} of the divisor of the interpolation is unknown")));
+            }
         };
         if first == 0 || first & !(DIVISOR | CUBIC | RETRO) != 0 {
-            return Err(r.malformed(format!("interpolation {first:#04x} is unknown")));
+            return Err(r.malformed(format!(
+                "the code {first:#04x} of the interpolation between incoming directions is unknown"
+            )));
         }
         r.end("interpolation between incidences")?;
         Ok(Self { divisor, cubic: first & CUBIC != 0, retro: first & RETRO != 0 })

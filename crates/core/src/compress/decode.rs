@@ -116,7 +116,7 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     }
     if level > finest || !(header.predicted || header.grid_levels) {
         let coarsest = if header.predicted || header.grid_levels { 0 } else { finest };
-        let reason = format!("there is no level {level} in the material, expected {coarsest} to {finest}");
+        let reason = format!("the material has no resolution level {level}, expected {coarsest} to {finest}");
         return Err(CodecError::Malformed { at: bytes.len(), reason });
     }
     if let Some(chunk) = grid {
@@ -143,7 +143,8 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let index = LevelIndex::read(&mut r, finest, chunk.length)?;
     let Some(entry) = index.entries.get(usize::from(level)) else {
         let reason = format!(
-            "there is no level {level} in a material of random access or of samples near the end of float32, expected {finest}"
+            "the material has no resolution level {level}: it allows random access, or has samples near the largest \
+             float32; expected {finest}"
         );
         return Err(CodecError::Malformed { at: bytes.len(), reason });
     };
@@ -184,11 +185,16 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
     let (header, container) = open(bytes)?;
     let malformed = |reason: String| CodecError::Malformed { at: bytes.len(), reason };
     let at = header.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)));
-    let at = at.ok_or_else(|| malformed("no directions in the material, hence no slices of them".to_owned()))?;
+    let at = at.ok_or_else(|| {
+        malformed("the material has no directions, hence no slice of one incoming direction".to_owned())
+    })?;
     let blocks: usize = header.axes[..at].iter().map(Axis::len).product();
     let length: usize = header.axes[at..].iter().map(Axis::len).product();
     if block >= blocks {
-        return Err(malformed(format!("there is no incoming entry {block}, expected 0 to {}", blocks - 1)));
+        return Err(malformed(format!(
+            "the material has no incoming direction number {block}, expected 0 to {}",
+            blocks - 1
+        )));
     }
     let (metadata, axes) = metadata_of(&header, &container)?;
     let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
@@ -292,7 +298,9 @@ fn read_stated(header: &mut Header, container: &Container<'_>) -> Result<(), Cod
         let mut r = container.require(ChunkKind::Between)?.reader();
         let between = Between::read(&mut r)?;
         if !between.fits(header.quantity, &header.axes) {
-            return Err(r.malformed("an interpolation between incidences that does not fit quantity and axes"));
+            return Err(r.malformed(
+                "the interpolation between incoming directions does not suit the quantity and axes of the material",
+            ));
         }
         header.between = Some(between);
     }
@@ -303,15 +311,15 @@ fn read_stated(header: &mut Header, container: &Container<'_>) -> Result<(), Cod
     Ok(())
 }
 
-/// Reads the header, and lists the chunks that follow it.
+/// Reads the header of a file, and lists the chunks that the header announces.
 fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError> {
     let header = Header::read(r)?;
     let chunks = header.announced();
     Ok((header, chunks))
 }
 
-/// Decodes the corrections of the light (directional albedo or flux) of every incoming direction and wavelength, in
-/// quantiser steps; `None` without a light chunk.
+/// Decodes the corrections of the light (directional albedo or flux) of every incoming direction and wavelength, as the
+/// integers that stand for them in the file; `None` without a light chunk.
 fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
     let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
     let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];
@@ -415,7 +423,10 @@ fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), 
     if let Some(classes) = classes {
         apply_classes(classes, samples);
     } else if samples.iter().any(|s| s.is_nan()) {
-        return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
+        return Err(CodecError::Malformed {
+            at: 0,
+            reason: "a decoded sample is not a number, although the file masks no samples".to_owned(),
+        });
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ pub enum CompressError {
     /// A setting is out of its range, contradicts another one, or does not fit the measurement.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// No file meets the target.
+    /// Failure of a compression, because no file of the measurement can meet the target that was asked for.
     #[error(transparent)]
     Unreachable(#[from] UnreachableError),
     /// The caller cancelled the compression before it was finished.

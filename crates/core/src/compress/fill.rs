@@ -152,8 +152,8 @@ fn live_mean(four: &[f32], inner: usize, j: usize) -> f32 {
     sum / count
 }
 
-/// Fills gaps (NaN) in a row by linear interpolation between its known neighbours, constant beyond the first and the
-/// last.
+/// Fills gaps (NaN) in a row of values by linear interpolation between the nearest known ones, constant beyond the
+/// first and the last.
 fn fill_line(row: &mut [f32]) {
     let mut last: Option<usize> = None;
     for i in 0..row.len() {

@@ -321,7 +321,7 @@ fn a_level_that_leaves_out_more_halvings_than_there_are_is_refused() {
     let damaged = write_container(&chunks);
     for refused in [decode(&damaged).map(drop), decode_level(&damaged, 0).map(drop)] {
         let message = refused.unwrap_err().to_string();
-        assert!(message.contains("a level leaves out 200 halvings, expected at most the 12"), "{message}");
+        assert!(message.contains("leaves out 200 halvings of the angle grid, expected at most all 12"), "{message}");
     }
 }
 

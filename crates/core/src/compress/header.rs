@@ -76,7 +76,7 @@ pub(crate) struct Header {
     pub(crate) has_lobe: bool,
     /// Analytic lobe that is added to the samples; `None` until its chunk is read.
     pub(crate) lobe: Option<Lobe>,
-    /// True if the grid chunk lists coarser resolution levels.
+    /// True if the chunk of samples on a grid of angles lists coarser resolution levels.
     pub(crate) grid_levels: bool,
     /// Payload length in bytes of the chunk that codes samples on triangles by prediction, or samples on a grid of
     /// angles with coarser levels; 0 without such a chunk.
@@ -157,27 +157,31 @@ impl Flags {
             _ => Self::ALL & !(of_rd | Self::FACTOR),
         };
         if self.0 & !allowed != 0 {
-            return Err(r.malformed(format!("flags {:#04x} do not fit policy {policy}", self.0)));
+            return Err(r.malformed(format!("the header flags {:#04x} contradict compression policy {policy}", self.0)));
         }
         if self.has(Self::PREDICTED) && !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))) {
-            return Err(r.malformed("a predicted pyramid without a triangle axis"));
+            return Err(r.malformed("the header announces a pyramid chunk, but no axis of triangles"));
         }
         if self.has(Self::GRIDDED) && (self.has(Self::PREDICTED) || GridShape::of(axes).is_none()) {
-            return Err(r.malformed("a predicted grid without directions on a grid, or with a pyramid"));
+            return Err(
+                r.malformed("the header announces a grid chunk, but no grid of angles, or a pyramid chunk as well")
+            );
         }
         if self.has(Self::LEVELS) && !self.has(Self::GRIDDED) {
-            return Err(r.malformed("levels of a grid chunk without one"));
+            return Err(r.malformed("the header announces coarser levels of a grid chunk, but no grid chunk"));
         }
         if self.has(Self::STRAIGHT) && !ends_on_grid(axes) {
-            return Err(r.malformed("straight lines between directions that are not on a grid"));
+            return Err(r.malformed(
+                "the header states straight lines between directions, but the directions are on no grid of angles",
+            ));
         }
         if self.has(Self::LIGHT)
             && (self.has(Self::LINEAR) || !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_))))
         {
-            return Err(r.malformed("a light chunk without logarithms over directions"));
+            return Err(r.malformed("the header announces a light chunk, but no logarithms of samples over directions"));
         }
         if self.has(Self::KLT) && axes.is_empty() {
-            return Err(r.malformed("a spectral basis without an axis"));
+            return Err(r.malformed("the header announces a spectral basis, but no axis"));
         }
         Ok(())
     }
@@ -289,7 +293,7 @@ impl Header {
 
     pub(crate) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
         fn coded<T>(r: &Reader<'_>, what: &str, code: u8, known: fn(u8) -> Option<T>) -> Result<T, CodecError> {
-            known(code).ok_or_else(|| r.malformed(format!("{what} {code} is unknown")))
+            known(code).ok_or_else(|| r.malformed(format!("the code {code} of the {what} is unknown")))
         }
         let first = r.u8("quantity and number of axes")?;
         let quantity = coded(r, "quantity", first & 7, Quantity::from_code)?;
@@ -298,7 +302,8 @@ impl Header {
         let unit = coded(r, "unit", second & 31, Unit::from_code)?;
         let policy = coded(r, "policy", second >> 5, Policy::from_code)?;
         let flags = r.varint("flags")?;
-        let flags = Flags(u16::try_from(flags).map_err(|_| r.malformed(format!("flags {flags:#x} are unknown")))?);
+        let flags =
+            Flags(u16::try_from(flags).map_err(|_| r.malformed(format!("the header flags {flags:#x} are unknown")))?);
         let axes = read_axes(r, usize::from(first >> 4))?;
         flags.check(r, policy, &axes)?;
         // The limit on the product of the axes holds before anything is decoded.
@@ -306,7 +311,7 @@ impl Header {
         crate::domain::Layout::of(quantity, &axes).map_err(|e| r.malformed(e.to_string()))?;
         let straight_lines = if flags.has(Flags::STRAIGHT) { r.u8("share of straight lines")? } else { 0 };
         if flags.has(Flags::STRAIGHT) && straight_lines == 0 {
-            return Err(r.malformed("share of straight lines is 0, expected 1 to 255"));
+            return Err(r.malformed("the share of straight lines in the interpolation is 0, expected 1 to 255"));
         }
         let (klt, predicted, gridded) = (flags.has(Flags::KLT), flags.has(Flags::PREDICTED), flags.has(Flags::GRIDDED));
         let written = transforms_written(policy, klt, predicted || gridded, axes.len());
@@ -323,10 +328,12 @@ impl Header {
         let floor = if flags.has(Flags::FLOOR) { r.f32("floor")? } else { 0.0 };
         let factor = if flags.has(Flags::FACTOR) { r.f64("factor")? } else { 1.0 };
         if !(factor > 0.0 && factor.is_finite()) {
-            return Err(r.malformed(format!("factor is {factor}, expected a positive number")));
+            return Err(
+                r.malformed(format!("the common factor of the samples is {factor}, expected a positive number"))
+            );
         }
         if !(step > 0.0 && step.is_finite()) {
-            return Err(r.malformed(format!("step is {step}, expected a positive number")));
+            return Err(r.malformed(format!("the quantiser step is {step}, expected a positive number")));
         }
         // A negative light step in a signed grid marks odd steps as corrections of negative samples.
         let signed = gridded && flags.has(Flags::CLASSES);
@@ -336,7 +343,7 @@ impl Header {
             ("floor", Flags::FLOOR, floor),
         ] {
             if flags.has(flag) && value <= 0.0 {
-                return Err(r.malformed(format!("{what} is {value}, expected a positive number")));
+                return Err(r.malformed(format!("the {what} in the header is {value}, expected a positive number")));
             }
         }
         let mut header = Self {
@@ -465,7 +472,9 @@ fn read_counts(r: &mut Reader<'_>, present: bool, errors: &mut ErrorReport) -> R
     }
     let left_out = [errors.zero_samples, errors.negative_samples, errors.below_floor_samples, errors.masked_samples];
     let scored = left_out.into_iter().try_fold(errors.samples, u64::checked_sub);
-    errors.scored_samples = scored.ok_or_else(|| r.malformed("more unscored samples than there are samples"))?;
+    errors.scored_samples = scored.ok_or_else(|| {
+        r.malformed("the header counts more samples left out of relative errors than there are samples")
+    })?;
     Ok(())
 }
 

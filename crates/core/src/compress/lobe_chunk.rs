@@ -71,7 +71,7 @@ pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
 pub(crate) fn read(r: &mut Reader<'_>, quantity: Quantity, axes: &[Axis]) -> Result<Lobe, CodecError> {
     let Some(samples) = spectrum_length(quantity, axes) else {
         return Err(
-            r.malformed("a lobe beside cells that are not those of a BRDF over triangles of the upper hemisphere")
+            r.malformed("the file has an analytic lobe, but no BRDF of few incoming directions on the hemisphere")
         );
     };
     let first = r.u8("lobe")?;
@@ -79,10 +79,14 @@ pub(crate) fn read(r: &mut Reader<'_>, quantity: Quantity, axes: &[Axis]) -> Res
         0 => LobeCentre::Mirror,
         1 => LobeCentre::HalfVector,
         2 => LobeCentre::Source,
-        _ => return Err(r.malformed(format!("centre {} of a lobe is unknown", first & CENTRE))),
+        _ => {
+            return Err(
+                r.malformed(format!("the code {} of the centre of the analytic lobe is unknown", first & CENTRE))
+            );
+        }
     };
     if first & !(CENTRE | TWO_WIDTHS) != 0 {
-        return Err(r.malformed(format!("lobe {first:#04x} is unknown")));
+        return Err(r.malformed(format!("the code {first:#04x} of the analytic lobe is unknown")));
     }
     let has_two = first & TWO_WIDTHS != 0;
     let mut number = |what: &'static str| r.f32(what).map(f64::from);
@@ -101,10 +105,10 @@ pub(crate) fn read(r: &mut Reader<'_>, quantity: Quantity, axes: &[Axis]) -> Res
     let parameters = LobeParameters { centre, peak, range, widths: [width, second], angle, tail, colours };
     let lobe = Lobe::new(parameters).map_err(|error| r.malformed(error.to_string()))?;
     if has_two != lobe.is_anisotropic() {
-        return Err(r.malformed("a lobe of two widths that are the same"));
+        return Err(r.malformed("the analytic lobe states two widths that are equal"));
     }
     if !fits(&lobe, quantity, axes) {
-        return Err(r.malformed("a lobe that turns with the surface beside incidences without azimuths"));
+        return Err(r.malformed("the analytic lobe turns with the surface, but incoming directions have no azimuths"));
     }
     Ok(lobe)
 }

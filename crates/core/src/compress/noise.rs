@@ -58,8 +58,8 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Returns a warning if the error that `target` allows lies below the noise. It states the cost in bytes, and the
-    /// smallest error worth asking for.
+    /// Returns a warning if the error that `target` allows lies below the noise of the measurement. It states the cost
+    /// in bytes, and the smallest error worth asking for.
     pub fn warning(&self, target: Target) -> Option<Note> {
         // The largest of a million normal deviates is 5 σ. Below 3 σ so many exceed the bound that each costs bits.
         let (bound, wanted, cliff, enough) = match target {
@@ -339,7 +339,8 @@ fn strides(axes: &[Axis]) -> Vec<usize> {
     strides
 }
 
-/// Returns a stride that visits `0..total` once in distant jumps: coprime to `total`, near the golden section.
+/// Returns a stride in which a walk visits every index of `0..total` once and jumps far at each step: coprime to
+/// `total`, near the golden section. A part of the walk then samples all of the range.
 fn scattering_stride(total: usize) -> usize {
     let gcd = |mut a: usize, mut b: usize| {
         while b != 0 {

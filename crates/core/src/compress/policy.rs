@@ -4,7 +4,8 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Policy {
-    /// Rate–distortion: logarithms of the samples, one uniform quantiser step for all normalised coefficients.
+    /// Rate–distortion policy: codes the logarithms of the samples, with one uniform quantiser step for all normalised
+    /// coefficients.
     #[default]
     Rd,
     /// Conventional policy of the paper \[CPB06\]: one threshold on normalised coefficients, kept coefficients exact.

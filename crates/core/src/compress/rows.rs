@@ -82,7 +82,7 @@ fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     coded
 }
 
-/// Sets to 0 the values at positions that a file does not code, as the decoder does.
+/// Sets to 0 those elements of a coefficient tensor that a file does not code, as the decoder does.
 pub(crate) fn clear_uncoded<T: Copy + Default>(rows: &Rows, values: &mut [T]) {
     let lanes = rows.lane_neighbours.len();
     if rows.order.len() * rows.lane_order.len() == values.len() {

@@ -77,12 +77,13 @@ impl Scales {
         self.for_each(coefficients, quantised, |&c, scale, q| *q = quantise(c, scale, inverse));
     }
 
-    /// Decodes quantised integers to coefficients.
+    /// Converts quantised integers back to coefficients, with the quantiser step `step` and the norms of their
+    /// synthesis functions.
     pub(crate) fn dequantise(&self, step: f32, quantised: &[i32], coefficients: &mut [f32]) {
         self.for_each(quantised, coefficients, |&q, scale, c| *c = dequantise(q, scale, step));
     }
 
-    /// Quantises and dequantises `coefficients`, to the values that a decoder gets.
+    /// Quantises `coefficients` and converts the integers back, as a decoder does; `decoded` takes the results.
     pub(crate) fn requantise(&self, step: f32, coefficients: &[f32], decoded: &mut [f32]) {
         let inverse = 1.0 / step;
         self.for_each(coefficients, decoded, |&c, scale, d| *d = dequantise(quantise(c, scale, inverse), scale, step));

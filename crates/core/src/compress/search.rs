@@ -55,7 +55,8 @@ pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64
 /// halving is too little evidence where the error is close to rounding.
 #[derive(Default)]
 pub(crate) struct Falling {
-    /// Last quantiser step tried while steps are halved, and smallest error of all steps tried.
+    /// Last quantiser step tried while steps are halved, and smallest error of all steps tried; `None` before the
+    /// first.
     last: Option<(f64, f64)>,
     stood: u32,
 }
@@ -64,7 +65,7 @@ impl Falling {
     /// Number of halvings of the quantiser step in a row without a smaller error after which the search ends.
     const MOST: u32 = 2;
 
-    /// Returns true while the error may still fall as the quantiser step shrinks.
+    /// Takes the error found at a quantiser step, and returns true while it may still fall as the step shrinks.
     pub(crate) fn falls(&mut self, step: f64, error: f64) -> bool {
         let least = self.last.map_or(f64::INFINITY, |(_, least)| least);
         if self.last.is_some_and(|(before, _)| step <= 0.51 * before) {

@@ -30,7 +30,7 @@ pub enum SettingError {
         LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ")
     )]
     UnknownBasis {
-        /// Basis name found in the settings.
+        /// Name in the settings that names no spectral basis.
         found: String,
     },
     /// Option that only policy `rd` has, used with another policy.
@@ -65,9 +65,9 @@ pub enum SettingError {
     Between,
     /// Analytic lobe that does not suit the measurement's quantity or axes.
     #[error(
-        "lobe beside the cells: found a measurement that cannot have one, expected a BRDF of incoming directions over \
-         triangles of the upper hemisphere with one colour of the lobe for each sample of a spectrum, and incoming azimuths where \
-         its widths differ"
+        "analytic lobe beside the cells (triangles) of a material: found a measurement that cannot have one, expected \
+         a BRDF of incoming directions over triangles of the upper hemisphere with one colour of the lobe for each \
+         sample of a spectrum, and incoming azimuths where its widths differ"
     )]
     Lobe,
     /// Metadata text that is not a JSON object.
@@ -89,7 +89,7 @@ pub enum SettingError {
          er_l2 0.01"
     )]
     NoNoise,
-    /// Axes for which no spectral basis is available.
+    /// Measurement on axes for which no spectral basis is available.
     #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Transforms that do not suit the axes of the measurement.
@@ -102,7 +102,9 @@ pub enum SettingError {
     #[error("the symmetry does not map the directions of the measurement to themselves")]
     Symmetry,
     /// Scattering model on axes that lack the directions it needs.
-    #[error("the model of the lobe needs incoming and outgoing directions, which these axes do not have")]
+    #[error(
+        "the scattering model needs incoming and outgoing directions, which the axes of the measurement do not have"
+    )]
     Model,
     /// Compression target that bounds no error of the samples, such as a size, where the search needs an error bound.
     #[error("this target bounds no error of the samples; give one that does, for example er_l2 0.01")]
@@ -167,7 +169,7 @@ pub enum AlbedoConflict {
     )]
     Bounded,
     /// Measurement without outgoing directions, so that there is no albedo or flux to bound.
-    #[error("the axes have no directions over which to integrate an albedo; leave albedo_error out")]
+    #[error("the axes of the measurement have no directions over which to integrate an albedo; leave albedo_error out")]
     NoDirections,
 }
 

@@ -6,9 +6,9 @@ use crate::transform::{AxisTransform, LineBasis, SphereBasis};
 /// Transform of the samples along the wavelength axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SpectralBasis {
-    /// A wavelet basis of the wavelength axis.
+    /// Wavelet transform along the wavelength axis, in this basis.
     Line(LineBasis),
-    /// No transform along the wavelength axis.
+    /// No transform: along the wavelength axis, samples (or their logarithms) are coded as they are.
     Identity,
     /// Principal components of the data's own spectra, stored in the file (policy `rd`).
     Klt,

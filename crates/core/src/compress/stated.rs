@@ -35,7 +35,7 @@ pub(super) fn read_error(r: &mut Reader<'_>, what: &'static str) -> Result<f64, 
     if value >= 0.0 && value.is_finite() {
         Ok(f64::from(value))
     } else {
-        Err(r.malformed(format!("{what} is {value}")))
+        Err(r.malformed(format!("{what} is {value}, expected a finite number of at least 0")))
     }
 }
 

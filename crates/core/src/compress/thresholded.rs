@@ -372,7 +372,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// Reconstructs the samples from all coefficients.
+/// Reconstructs the samples from all coefficients of the transform, so that only its rounding changes them.
 fn all(transform: &GenericTransform) -> Vec<f32> {
     let mut decoded = transform.coefficients().to_vec();
     transform.plan().inverse(&mut decoded);

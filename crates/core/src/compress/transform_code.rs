@@ -33,10 +33,11 @@ pub(super) fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecE
     }
     let number = code.checked_sub(FIRST_LINE).and_then(|number| u16::try_from(number).ok());
     let Some(basis) = number.and_then(LineBasis::from_code) else {
-        return Err(r.malformed(format!("transform {code} is unknown")));
+        return Err(r.malformed(format!("the code {code} of an axis transform is unknown")));
     };
     let rule = r.u8("boundary rule")?;
-    let boundary = Boundary::from_code(rule).ok_or_else(|| r.malformed(format!("boundary rule {rule} is unknown")))?;
+    let boundary = Boundary::from_code(rule)
+        .ok_or_else(|| r.malformed(format!("the code {rule} of the boundary rule of a wavelet is unknown")))?;
     Ok(AxisTransform::Line { basis, boundary })
 }
 

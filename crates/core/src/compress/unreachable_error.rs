@@ -9,7 +9,7 @@ use crate::codec::CodecError;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnreachableError {
-    /// Axes for which no spectral basis is available.
+    /// Measurement on axes for which no spectral basis is available.
     #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Error bound that a basis does not reach, however small the quantiser step.
@@ -23,7 +23,7 @@ pub enum UnreachableError {
         /// Smallest error of the decoded samples that the search over quantiser steps found; infinite if samples
         /// exceeded float32 with every step.
         closest: f64,
-        /// Name of the spectral basis.
+        /// Name of the spectral basis whose files all miss the bound.
         basis: &'static str,
         /// True if samples are coded, false if their logarithms are.
         linear: bool,
@@ -57,7 +57,7 @@ pub enum UnreachableError {
         least: f64,
         /// Number of samples of the measurement.
         samples: usize,
-        /// Name of the spectral basis.
+        /// Name of the spectral basis whose smallest file has the size `least`.
         basis: &'static str,
         /// True if the file contains metadata, which count towards its size.
         has_metadata: bool,
@@ -72,7 +72,8 @@ pub enum UnreachableError {
     ConstantFunctions {
         /// Requested number of samples per kept coefficient.
         ratio: f64,
-        /// Number of kept coefficients.
+        /// Number of coefficients that the policy `adaptive` keeps whatever the thresholds: those of constant
+        /// functions.
         kept: usize,
         /// Number of all coefficients, kept or dropped.
         count: usize,
@@ -82,7 +83,7 @@ pub enum UnreachableError {
     Missed {
         /// Name of the option whose bound is missed.
         option: &'static str,
-        /// Requested upper bound on the error figure or size.
+        /// Requested upper bound on the error or the size that `option` names.
         wanted: f64,
         /// Value of the bounded quantity, an error or a size in bytes as `option` says, in the file that came closest
         /// to the bound.
@@ -116,7 +117,7 @@ pub enum UnreachableError {
         policy: Policy,
         /// Name of the spectral basis of the rejected file.
         basis: String,
-        /// Number of samples whose mask does not survive decoding.
+        /// Number of samples that decode as masked although measured, or as numbers although masked.
         count: u64,
     },
     /// Samples that decode beyond the largest float32 with every quantiser step.
@@ -240,7 +241,7 @@ fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_me
                 "bytes {bytes}: the smallest file of this material has {least} bytes{what}; ask for {enough} or more"
             )
         }
-        _ => "the file is larger than was asked for".to_owned(),
+        _ => "the smallest file is larger than the size asked for".to_owned(),
     };
     match target {
         Target::Ratio(_) if basis == KLT => text.push_str(", or for another basis (auto, haar)"),

@@ -50,7 +50,7 @@ impl Values {
         }
     }
 
-    /// Returns true if samples themselves are approximated, not their logarithms.
+    /// Returns true if the file approximates the samples themselves rather than their logarithms.
     pub(crate) fn is_linear(self) -> bool {
         matches!(self, Self::Samples { .. })
     }

@@ -16,7 +16,7 @@ pub enum Axis {
     Grid(DirectionGrid),
     /// Incoming polar angles of isotropic data, in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
     Elevation(Vec<f64>),
-    /// Wavelengths in nm.
+    /// Wavelengths, in nm, of the samples of a spectrum.
     Wavelength(WavelengthGrid),
     /// Numbered entries without geometry, such as columns of a table or scan positions.
     Index {
@@ -207,7 +207,10 @@ impl Layout {
         if let (Some(incoming), Some(outgoing)) = (incoming.map(|axis| &axes[axis]), outgoing.map(|axis| &axes[axis]))
             && matches!((incoming, outgoing), (Axis::Triangles(_), Axis::Grid(_)) | (Axis::Grid(_), Axis::Triangles(_)))
         {
-            return Err(unfit("triangles beside a grid of directions, expected one or the other".to_owned()));
+            return Err(unfit(
+                "one axis of directions has triangles and the other a grid, expected triangles or grids on both"
+                    .to_owned(),
+            ));
         }
         Ok(Self { indices, incoming, outgoing, spectral })
     }

@@ -149,7 +149,7 @@ impl AzimuthExtent {
 /// Azimuths of a grid of directions, with the symmetry that completes the circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuths {
-    /// Azimuths in degrees, strictly increasing.
+    /// Azimuths of the grid in degrees, strictly increasing.
     pub angles: Vec<f64>,
     /// Part of the circle that the azimuths cover, and the mirror planes that complete it.
     pub extent: AzimuthExtent,
@@ -235,7 +235,7 @@ pub enum DirectionGridError {
     Count {
         /// Name of the angles of which there are too few or too many: `polar` or `azimuth`.
         what: &'static str,
-        /// Number of polar angles or azimuths found.
+        /// Invalid number of polar angles or azimuths: 0 or too large.
         found: usize,
     },
     /// The number of directions, the product of the numbers of polar angles and azimuths, exceeds the limit.
@@ -277,7 +277,7 @@ pub enum DirectionGridError {
         first: f64,
         /// Last azimuth of the grid, in degrees.
         last: f64,
-        /// Part of the circle that the azimuths should cover.
+        /// Part of the circle that the azimuths are stated to cover; their range contradicts it.
         extent: AzimuthExtent,
     },
     /// The range of polar angles stated as covered does not contain all polar angles of the grid.
@@ -296,7 +296,7 @@ pub enum DirectionGridError {
     },
     /// A grid of directions cannot be mirrored across the equator: its first polar angle lies below the equator, or its
     /// polar angles are measured from a pole and not from the equator.
-    #[error("latitudes to be mirrored start at {found} degrees, expected 0 or more, in a frame with latitudes")]
+    #[error("the grid to be mirrored across the equator starts at {found} degrees, expected latitudes of 0 or more")]
     Mirrored {
         /// First polar angle of the grid that was to be mirrored, in degrees: measured from the equator, or from a pole
         /// in a frame without latitudes.
@@ -440,7 +440,8 @@ impl DirectionGrid {
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
     }
 
-    /// Returns true if the grid covers a polar angle (degrees); it must not be negative if latitudes are mirrored.
+    /// Returns true if the grid covers the polar angle `polar` (degrees), which must not be negative if latitudes are
+    /// mirrored.
     #[inline]
     pub(crate) fn covers_polar(&self, polar: f64) -> bool {
         let (low, high) = self.covers;

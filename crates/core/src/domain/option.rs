@@ -13,7 +13,7 @@ pub struct Declared {
     pub help: &'static str,
     /// Values that the option accepts.
     pub values: Values,
-    /// Makes the default value of the option; null if it has none.
+    /// Function that returns the default value of the option as JSON; null for an option without a default.
     pub default: fn() -> Value,
 }
 
@@ -57,7 +57,7 @@ pub enum Values {
     Text {
         /// Placeholder in the help text for the text that the user gives as the option's value, such as `NAME`.
         shown: &'static str,
-        /// Check of a text that the user gave. The error says what was expected.
+        /// Function that checks the text of the user. The error says what was expected.
         check: fn(&str) -> Result<(), String>,
     },
     /// Option that takes a file: its path on the command line, the id of the uploaded bytes over HTTP.
@@ -79,7 +79,7 @@ pub struct Limits {
     pub low: Bound<f64>,
     /// Upper end of the range of numbers that the option accepts.
     pub high: Bound<f64>,
-    /// Remark after the range in messages, with the space or comma before it: a unit, or an example. Empty without one.
+    /// Text that messages append to the range, with the space or comma before it: a unit, or an example. May be empty.
     pub remark: &'static str,
 }
 
@@ -94,7 +94,7 @@ impl Limits {
         Self { low: Bound::Excluded(0.0), high: Bound::Unbounded, remark }
     }
 
-    /// Describes the range in words, as they follow "expected" in an error message.
+    /// Describes the range in the words that follow "expected" in an error message.
     pub fn expected(&self) -> String {
         let low = match self.low {
             Bound::Included(low) => Some(format!("at least {low}")),

@@ -23,7 +23,7 @@ impl Progress for Silent {
     fn report(&self, _fraction: f64) {}
 }
 
-/// Error of work that its caller cancelled.
+/// Error that long-running work returns when its caller cancels it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the computation was cancelled by its caller")]
 pub struct Cancelled;

@@ -119,7 +119,7 @@ impl Measurement {
         Ok(Self { quantity, unit, sampling, tensor })
     }
 
-    /// Returns the positions of the axes by meaning: index axes, directions, wavelength.
+    /// Returns the meaning of each axis: index, incoming direction, outgoing direction or wavelength.
     pub fn layout(&self) -> Result<Layout, AxisError> {
         Layout::of(self.quantity, self.tensor.axes())
     }

@@ -36,7 +36,7 @@ pub enum WavelengthError {
     NotPositive {
         /// Position of the invalid wavelength in its list, from 0.
         index: usize,
-        /// Wavelength found, in nm: not positive or not finite.
+        /// Invalid wavelength in nm: not positive or not finite.
         value: f64,
     },
     /// A wavelength is not larger than its predecessor.

@@ -80,8 +80,8 @@ pub(super) fn is_above(wi: Option<Direction>) -> bool {
     wi.is_none_or(|wi| wi.cos_theta() >= 0.0)
 }
 
-/// Integrates samples over the outgoing triangles `leaves`, as `[incoming direction, wavelength]`. Triangles are
-/// weighted by projected solid angle if the quantity has a cosine factor, else by solid angle.
+/// Returns the integrals of samples over the outgoing triangles `leaves`, `[incoming direction, wavelength]`. Triangles
+/// are weighted by projected solid angle if the quantity has a cosine factor, else by solid angle.
 fn table(measurement: &Measurement, mesh: TriangleMesh, lambdas: usize, leaves: Range<usize>) -> Vec<f32> {
     let measures: Vec<f64> = if measurement.quantity.has_cosine() {
         leaves.clone().map(|i| mesh.projected_solid_angle(i)).collect()

@@ -37,8 +37,8 @@ pub(super) enum Background {
 }
 
 impl Background {
-    /// Selects the support of defensive sampling: the lit triangles for luminaires, the whole domain for quantities
-    /// with an incoming direction or a cosine factor.
+    /// Selects the directions that defensive sampling can return: the triangles with light for luminaires, the whole
+    /// domain for quantities with an incoming direction or a cosine factor.
     pub(super) fn new(function: &Function, lookup: &MeshLookup) -> Self {
         if function.geometry().has_incoming() || function.geometry().quantity().has_cosine() {
             return Self::Whole;
@@ -100,8 +100,8 @@ impl Background {
 }
 
 /// Returns, for each triangle, true if the material's smoothly interpolated function may be nonzero in it. An
-/// interpolation patch with a lit corner is lit as a whole and may cover dark triangles. Without patches, light reaches
-/// all triangles that share a corner with a lit one.
+/// interpolation patch with light at one corner has light everywhere and may cover dark triangles. Without patches,
+/// light reaches all triangles that share a corner with a triangle that has light.
 fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light: &[bool]) -> Vec<bool> {
     if !has_light.contains(&false) {
         return has_light.to_vec();
@@ -150,7 +150,8 @@ fn of(entries: &[[LitCells; 2]], entry: usize, density: Density) -> &LitCells {
 pub(super) struct LitCells {
     is_lit: Vec<bool>,
     leaves: Vec<u32>,
-    /// Cumulative solid angle up to and including each lit triangle, as a fraction of the total.
+    /// Solid angle of the triangles in which the function is nonzero, summed up to and including each of them, as a
+    /// fraction of the total.
     ends: Vec<f64>,
     solid_angle: f64,
 }
@@ -189,7 +190,8 @@ impl LitCells {
         Some([start + length * u, v].map(|u| u.clamp(0.0, BELOW_ONE)))
     }
 
-    /// Start and length, on the unit interval, of the part that selects lit triangle `k`.
+    /// Start and length, on the unit interval, of the part that selects triangle `k` of those in which the function is
+    /// nonzero.
     fn interval(&self, k: usize) -> [f64; 2] {
         let start = if k == 0 { 0.0 } else { self.ends[k - 1] };
         [start, self.ends[k] - start]

@@ -37,7 +37,7 @@ fn material(quantity: Quantity, mut axes: Vec<Axis>, with_holes: bool) -> Materi
     Material::of(Measurement::new(quantity, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
-/// Material with sample values from −1 to 1.
+/// Test material with samples from −1 to 1.
 fn signed() -> Material {
     let axes = vec![
         triangles(Domain::Hemisphere, 1),
@@ -132,8 +132,8 @@ impl Units {
     }
 }
 
-/// Calls `ask` for all pairs of directions at once, and for parts of 1, 7, 48 and 100 pairs. Checks that the results
-/// are equal, and returns them.
+/// Calls `ask`, which evaluates a batch, for all pairs of directions at once, and for parts of 1, 7, 48 and 100 pairs.
+/// Checks that the results are equal, and returns them.
 fn cut<T: Clone + PartialEq + std::fmt::Debug>(
     nothing: &T,
     pairs: Pairs<'_>,

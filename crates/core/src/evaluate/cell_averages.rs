@@ -76,7 +76,8 @@ impl Stated {
     }
 }
 
-/// Triangle meshes that replace the incoming and the outgoing grid of directions.
+/// Returns the triangle meshes that replace the incoming and the outgoing grid of directions; `None` for an axis that
+/// is not a grid. Meshes become coarser, if need be, to keep the number of averages within [`MOST_SAMPLES`].
 fn meshes(geometry: &Geometry) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
     let layout = geometry.layout();
     let grid = |axis: Option<usize>| match axis.map(|axis| &geometry.axes()[axis]) {

@@ -33,7 +33,7 @@ impl Function {
         }
     }
 
-    /// Returns true if any spectrum is masked.
+    /// Returns true if any spectrum has masked samples.
     pub(super) fn has_masked(&self) -> bool {
         match self.form() {
             Form::Planes { planes, .. } => (0..self.geometry().cells()).any(|cell| planes.presence(cell).is_nan()),

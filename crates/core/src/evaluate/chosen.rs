@@ -133,7 +133,7 @@ impl Chosen<'_> {
     /// Maximum number of wavelengths that one call of [`Material::choose`] can prepare for joint evaluation.
     pub const MOST: usize = FEW;
 
-    /// Chosen wavelengths in nm.
+    /// Returns the chosen wavelengths in nm.
     pub fn wavelengths(&self) -> &[f64] {
         &self.wavelengths[..self.count]
     }
@@ -325,8 +325,8 @@ impl Chosen<'_> {
         Ok(())
     }
 
-    /// Multiplies values of the material's function by `share`, |cos θo| / pdf of a drawn direction, which gives sample
-    /// weights. Masked values become 0, because the sampling density treats them as dark.
+    /// Returns the weights of a drawn direction: `values` of the material's function times `share`, the ratio |cos θo|
+    /// / pdf. Masked values become 0, because the sampling density treats them as dark.
     #[inline]
     fn weights(&self, mut values: [f32; FEW], share: f32) -> [f32; FEW] {
         for (value, factor) in values.iter_mut().zip(self.factors) {

@@ -67,7 +67,8 @@ impl<'a> Directions<'a> {
         Self { source, first: self.first + from }
     }
 
-    /// Writes up to [`BLOCK`] directions as unit vectors and fills the rest of the block with the last one.
+    /// Writes up to [`BLOCK`] directions of the batch as unit vectors to `to`. If there are fewer, the last direction
+    /// fills the rest of `to`.
     pub(super) fn write_block(&self, to: &mut Vectors) -> Result<(), EvaluateError> {
         let arrays = match self.source {
             Source::Coordinates(arrays) => arrays,

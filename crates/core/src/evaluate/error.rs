@@ -68,7 +68,7 @@ pub enum QueryError {
     /// The query gives a direction on which the material does not depend.
     #[error("{argument} was given, but this {quantity} does not depend on an {} direction", argument.axis())]
     UnexpectedDirection {
-        /// Superfluous direction: incoming or outgoing.
+        /// Direction that the query gives although the material does not depend on it: incoming or outgoing.
         argument: Argument,
         /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
@@ -76,7 +76,7 @@ pub enum QueryError {
     /// Incoming direction outside the hemisphere or sphere that the incoming axis covers.
     #[error("wi has theta = {theta:.3} degrees, outside the incoming domain `{domain}`")]
     Outside {
-        /// Angle between `wi` and the z axis in degrees.
+        /// Angle between the incoming direction `wi` and the z axis, in degrees.
         theta: f64,
         /// Hemisphere or sphere that the incoming axis covers.
         domain: Domain,
@@ -84,9 +84,9 @@ pub enum QueryError {
     /// Incoming direction outside the measured grid of incoming directions.
     #[error("wi has theta = {theta:.3} and phi = {phi:.3} degrees, outside the incoming directions that were measured")]
     Unmeasured {
-        /// Angle between `wi` and the z axis in degrees.
+        /// Angle between the incoming direction `wi` and the z axis, in degrees.
         theta: f64,
-        /// Azimuth of `wi` in degrees.
+        /// Azimuth of the incoming direction `wi` in degrees.
         phi: f64,
     },
     /// Direction of a batch that cannot be normalised: a coordinate is not finite, or all are 0.
@@ -133,8 +133,8 @@ pub enum QueryError {
     },
     /// Input and output buffers of unequal lengths in a call that draws a batch of directions.
     #[error(
-        "{} and {} coordinates of points, room for {directions} directions and {weights} weights, expected as many of each \
-         and {expected} weights", points[0], points[1]
+        "{} first and {} second coordinates of points, room for {directions} directions and {weights} weights, \
+         expected as many directions as coordinates of each kind, and {expected} weights", points[0], points[1]
     )]
     Drawings {
         /// Lengths of the arrays of first and of second coordinates of the points in the unit square from which
@@ -191,7 +191,7 @@ pub enum QueryError {
     },
     /// Reciprocity is requested of a quantity whose data cannot show it.
     #[error("wi and wo cannot be exchanged, because this {quantity} {reason}", reason = match quantity {
-        Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which it does not hold",
+        Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which the data lack",
         _ => "has no reciprocity, expected a brdf, bsdf or phase function",
     })]
     NoReciprocity {
@@ -217,7 +217,7 @@ pub enum QueryError {
         /// Requested subdivision level of the triangles to integrate over.
         found: u8,
     },
-    /// Random point outside the unit square.
+    /// Point `u`, from which a query draws a direction, outside the unit square.
     #[error("u = [{}, {}], expected a point of the unit square", u[0], u[1])]
     Point {
         /// Coordinates of the point outside the unit square.
@@ -237,9 +237,9 @@ pub enum QueryError {
 /// Direction arguments of a query: incoming and outgoing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Argument {
-    /// Incoming direction.
+    /// Incoming direction, the argument `wi` of a query.
     Wi,
-    /// Outgoing direction.
+    /// Outgoing direction, the argument `wo` of a query.
     Wo,
 }
 
@@ -293,14 +293,16 @@ impl Buffer {
 
     fn refusal(self, found: usize, expected: usize) -> String {
         match self {
-            Self::Spectrum => format!("room for {found} samples, expected {expected}"),
-            Self::Wavelengths => format!("room for {found} samples, expected {expected}: one a wavelength"),
+            Self::Spectrum => format!("room for {found} samples, expected {expected}, as many as in a spectrum"),
+            Self::Wavelengths => format!("room for {found} samples, expected {expected}: one for each wavelength"),
             Self::Spectra { count, lambdas } => {
-                format!("room for {found} samples, expected {count} spectra of {lambdas}")
+                format!("room for {found} samples, expected room for {count} spectra of {lambdas} samples")
             }
-            Self::Scratch => format!("scratch of {found} samples, expected {expected}: as many as room"),
-            Self::Weights => format!("{found} weights, expected {expected}: one a sample"),
-            Self::Samples => format!("{expected} points, room for {found} samples, expected as many"),
+            Self::Scratch => format!("scratch space of {found} samples, expected {expected}: as many as in the output"),
+            Self::Weights => format!("{found} weights, expected {expected}: one for each sample of a spectrum"),
+            Self::Samples => {
+                format!("{expected} points, room for {found} directions, expected one direction for each point")
+            }
         }
     }
 }
@@ -339,7 +341,7 @@ impl Need {
     }
 }
 
-/// Wraps the refusal of a query in a failed result.
+/// Returns a failed result that holds the reason why a query does not fit the material.
 #[cold]
 pub(super) fn unfit<T>(error: QueryError) -> Result<T, EvaluateError> {
     Err(EvaluateError::Query(error))

@@ -277,8 +277,8 @@ impl Geometry {
         unfit(QueryError::Outside { theta: wi.theta_degrees(), domain })
     }
 
-    /// Incoming direction in the frame of the interpolation nodes: rotated to azimuth 0 for isotropic data, `+z` for
-    /// `None`.
+    /// Rotates an incoming direction into the frame of the interpolation nodes: to azimuth 0 for isotropic data.
+    /// Returns `+z` for data without an incoming direction.
     #[inline]
     pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> Vector {
         let Some(wi) = wi else { return [0.0, 0.0, 1.0] };

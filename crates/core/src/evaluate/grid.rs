@@ -77,8 +77,8 @@ pub(super) struct Grid {
     fine: f64,
     /// Number of columns of cubic cells along a side of the search grid.
     side: u32,
-    /// For each column of grid cells along z: position of its first stored cell in the list of stored cells, minus that
-    /// cell's integer z coordinate, modulo 2¹⁶.
+    /// For each column of grid cells along z, the number that gives the position of a cell in the list of stored cells
+    /// when it is added, modulo 2¹⁶, to the cell's integer z coordinate.
     starts: Vec<u16>,
     places: Vec<Place>,
 }

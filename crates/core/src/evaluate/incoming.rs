@@ -69,8 +69,8 @@ impl Around {
 pub(super) enum Nodes {
     /// Single interpolation node, for data that do not depend on an incoming direction.
     One,
-    /// One node for data that depend on the incoming direction only by alignment; the function at any incoming
-    /// direction is that of the node, rotated.
+    /// Single interpolation node of a function that only rotates with the incoming direction, as in many scattering
+    /// media.
     Same(Vector),
     /// Incoming elevations in degrees and their directions at azimuth 0.
     Elevations(Vec<f64>, Vec<Vector>),
@@ -275,7 +275,7 @@ impl Triangles {
         Some(self.around_in(self.lookup.locate_vector(wi)?, wi))
     }
 
-    /// Interpolation nodes around an incoming direction inside triangle `cell`; the vector may have any length.
+    /// Interpolation nodes around the incoming direction `wi`, a vector of any length inside triangle `cell`.
     #[inline(always)]
     fn around_in(&self, cell: usize, wi: Vector) -> Around {
         let fan = &self.fans[cell];

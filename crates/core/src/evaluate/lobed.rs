@@ -84,18 +84,19 @@ impl Lobed {
         }
     }
 
-    /// Returns the lobe's value for a pair of directions, as a function of the number of the spectral sample.
+    /// Returns a function that takes the number of a spectral sample and gives the lobe's value for a pair of
+    /// directions.
     pub(super) fn at(&self, place: Place<'_>) -> impl Fn(usize) -> f32 {
         let shape = self.shape(place);
         move |lambda| shape * self.lobe.colours()[lambda]
     }
 
-    /// Inner product of the lobe's spectrum for a pair of directions with weights, one for each sample.
+    /// Returns the inner product of `weights`, one for each sample of a spectrum, with the lobe's spectrum at `place`.
     pub(super) fn weighted(&self, place: Place<'_>, weights: &[f32]) -> f32 {
         self.shape(place) * self.colour(weights)
     }
 
-    /// Inner product of the lobe's colours (factors on its shape, one for each wavelength) with weights.
+    /// Returns the inner product of `weights`, one for each wavelength, with the lobe's colours (factors on its shape).
     pub(super) fn colour(&self, weights: &[f32]) -> f32 {
         self.lobe.colours().iter().zip(weights).map(|(colour, weight)| colour * weight).sum()
     }

@@ -55,7 +55,7 @@ impl MeshLookup {
         }
     }
 
-    /// Locates unit vectors on the triangle mesh, block by block.
+    /// Finds the triangles of the mesh that contain the given unit vectors, block by block.
     fn locate_units(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
         let (mut vectors, mut found) = ([[0.0; BLOCK]; 3], [0; BLOCK]);
         for (start, to) in (0..d.len()).step_by(BLOCK).zip(to.chunks_mut(BLOCK)) {
@@ -68,7 +68,7 @@ impl MeshLookup {
         true
     }
 
-    /// Locates directions given by f32 coordinates on the triangle mesh, four at a time.
+    /// Finds the triangles of the mesh that contain directions with f32 coordinates, four directions at a time.
     fn locate_coordinates(&self, coordinates: [&[f32]; 3], to: &mut [u32]) -> bool {
         let last = to.len().wrapping_sub(1);
         for start in (0..to.len()).step_by(4) {

@@ -209,8 +209,8 @@ impl MeshLookup {
         (quadrant + self.below * down) << self.shift
     }
 
-    /// Number of the leaf triangle that contains the direction `folded`, which exchanges and sign changes of
-    /// coordinates have mapped into the first octant; any length. Only the candidates in `place`, found by the search
+    /// Number of the leaf triangle that contains the direction `folded`, a vector of any length that exchanges and sign
+    /// changes of coordinates have mapped into the first octant. Only the candidates in `place`, found by the search
     /// grid, are considered.
     #[inline(always)]
     pub(super) fn leaf_at(&self, place: Place, folded: Vector) -> usize {

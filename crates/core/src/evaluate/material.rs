@@ -67,7 +67,7 @@ struct Cells {
     function: Function,
     /// Importance sampling trees, built when the first direction is drawn.
     trees: OnceLock<Trees>,
-    /// Directional albedos; empty without an outgoing axis.
+    /// Directional albedos computed when the material is opened; empty without an outgoing axis.
     albedos: Albedos,
     /// Analytic lobe that is added to the function of the samples.
     lobe: Option<Box<Lobed>>,
@@ -123,9 +123,9 @@ impl Material {
         Ok(Self { body, summary: None })
     }
 
-    /// Sets the fraction, 0 to 1, of linear interpolation between samples on a grid of angles; cubic interpolation has
-    /// the rest. The default is the fraction in the file, or 0 for a measurement. Most readers of luminaires and of
-    /// MDL's measured materials use 1. Samples over triangles are unaffected.
+    /// Sets the weight, 0 to 1, of linear interpolation between samples on a grid of angles; cubic interpolation has
+    /// the rest of the weight. The default is the weight in the file, or 0 for a measurement. Most readers of
+    /// luminaires and of MDL's measured materials use 1. Samples over triangles are unaffected.
     #[must_use]
     pub fn with_straight_lines(self, share: f32) -> Self {
         match self.body {
@@ -274,8 +274,9 @@ impl Material {
     }
 
     /// Writes the values at the indices and directions of `place`, at `wavelengths` in nm, into `out`, which has the
-    /// same length. Values are linear between the measured wavelengths; `beyond` decides outside their range. A value
-    /// is NaN (masked) if one of the two samples between which it lies is. Fails for RGB and monochromatic data.
+    /// same length. Values are interpolated linearly between the measured wavelengths; `beyond` decides outside their
+    /// range. A value is NaN (masked) if one of the two samples around it is masked. Fails for RGB and monochromatic
+    /// data.
     #[inline]
     pub fn at_wavelengths(
         &self,
@@ -518,7 +519,7 @@ impl Material {
 }
 
 impl Cells {
-    /// Adds an analytic lobe to the function and to its albedos.
+    /// Adds an analytic lobe to the function of the samples, and its albedo to the albedos of the samples.
     fn take(&mut self, lobe: Lobed) {
         self.albedos.add(|table| lobe.add_light(self.function.geometry(), table));
         self.lobe = Some(Box::new(lobe));

@@ -276,8 +276,8 @@ pub(super) fn sampled_entry(
     function.geometry().entry(index)
 }
 
-/// Splits the interval 0..1 in two, the second part of length `second`. Returns the relative position of `u` in its
-/// part, 0 to 1, and true if that is the second part.
+/// Splits the interval 0..1 in two, the second part of length `second`. Returns the relative position, 0 to 1, of `u`
+/// in the part that contains it, and true if that is the second part.
 #[inline(always)]
 pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     let first = 1.0 - second;
@@ -286,8 +286,8 @@ pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     (left.min(BELOW_ONE), is_second)
 }
 
-/// Density of a mixture with the fraction `defensive` of its defensive component, from the densities of its trees and
-/// of that component.
+/// Sampling density of a mixture, from the density `trees` of its sampling trees and the density `background` of its
+/// defensive component, which has the fraction `defensive` of the samples.
 #[inline(always)]
 pub(super) fn mixed(defensive: f64, trees: f64, background: f64) -> f64 {
     (1.0 - defensive) * trees + defensive * background

@@ -25,7 +25,8 @@ fn uniform(domain: Domain, rng: &mut impl Rng) -> Direction {
     Direction::from_radians(z.acos(), TAU * rng.random::<f64>())
 }
 
-/// Lobe of a given width around the mirror direction, or around the direction straight on.
+/// Test measurement of a lobe of the given width: around the mirror direction above the horizon, and around the
+/// direction of unscattered light below it.
 fn lobed(quantity: Quantity, incoming: Axis, outgoing: TriangleMesh, width: f64) -> Measurement {
     let directions: Vec<Vector> = match &incoming {
         Axis::Triangles(mesh) => (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect(),

@@ -4,7 +4,7 @@ use crate::numeric::exponential::{exp_estrin, exp_estrin_of_four};
 use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;
 
-/// One f32, or four in SIMD lanes.
+/// Number type for interpolation: one f32, or four in SIMD lanes, so that one function serves both.
 pub(super) trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
@@ -14,7 +14,7 @@ pub(super) trait Number:
     fn of(x: f32) -> Self;
     fn less(self, other: Self) -> Self::Mask;
     fn at_most(self, other: Self) -> Self::Mask;
-    /// Selects, in each lane, `a` where the mask is set, else `b`.
+    /// Selects `a` in each SIMD lane in which the mask is set, else `b`.
     fn choose(mask: Self::Mask, a: Self, b: Self) -> Self;
     fn larger(self, other: Self) -> Self;
     fn smaller(self, other: Self) -> Self;
@@ -24,14 +24,14 @@ pub(super) trait Number:
     fn exp(self) -> Self;
     /// Returns true if every SIMD lane is finite.
     fn is_finite(self) -> bool;
-    /// Reads one number into each lane, from position `at` of a slice on.
+    /// Reads one number of a slice into each SIMD lane, from position `at` of the slice on.
     fn read(from: &[f32], at: usize) -> Self;
     /// Writes the numbers in the first SIMD lanes to a slice, as many as the slice has room for.
     fn write_some(self, to: &mut [f32]);
-    /// Writes all lanes to a slice, from position `at` on.
+    /// Writes the numbers of all SIMD lanes to a slice, from position `at` of the slice on.
     fn write(self, to: &mut [f32], at: usize);
-    /// Writes all lanes to a slice as integers, from position `at` on. The numbers must be integers of at least 0 and
-    /// below 2²³.
+    /// Writes the numbers of all SIMD lanes to a slice as integers, from position `at` of the slice on. The numbers
+    /// must be integers of at least 0 and below 2²³.
     fn write_integer(self, to: &mut [u32], at: usize);
 }
 

@@ -59,7 +59,7 @@ pub(super) struct Planes {
     mean: Vec<f32>,
     /// Spectral coefficients, `[pair of sampled directions][coefficient]`.
     rows: Vec<f32>,
-    /// State of each spectrum (live, zero or masked); empty if all are live.
+    /// State of each spectrum: stored as coefficients, zero or masked. Empty if all are stored as coefficients.
     cells: Vec<Cell>,
     /// Largest deviation of the spectra that coefficients represent from the samples, in logarithms or as a fraction of
     /// the largest sample.
@@ -157,7 +157,7 @@ impl Planes {
         self.width
     }
 
-    /// State of each spectrum (live, zero or masked); empty if all are live.
+    /// State of each spectrum: stored as coefficients, zero or masked. Empty if all are stored as coefficients.
     pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
     }
@@ -193,8 +193,9 @@ impl Planes {
         sums.map(|sum| sum as f32)
     }
 
-    /// Tensor Σ bᵢ bⱼ bₖ over wavelengths of the basis vectors b: the contribution of the product of coefficients j and
-    /// k to coefficient i.
+    /// Returns the tensor Σ bᵢ bⱼ bₖ of the basis vectors b, summed over the wavelengths that are not dark in all
+    /// spectra. It projects the product of two spectra on the basis: entry `[i, j, k]` is the contribution of
+    /// coefficient j times coefficient k to coefficient i.
     pub(super) fn coupling(&self) -> Vec<f64> {
         let n = self.count;
         let mut coupling = vec![0.0; n * n * n];
@@ -267,7 +268,7 @@ impl Planes {
         row
     }
 
-    /// State of the pair of sampled directions numbered `cell`: live, zero or masked.
+    /// State of the spectrum of the pair of sampled directions numbered `cell`: stored as coefficients, zero or masked.
     #[inline]
     pub(super) fn cell(&self, cell: usize) -> Cell {
         self.cells.get(cell).copied().unwrap_or(Cell::Live)
@@ -394,7 +395,8 @@ impl Planes {
 /// Evaluation of spectra from coefficients. Methods are inlined, so that the compiler makes a version of each for every
 /// possible number of coefficients and for every instruction set.
 impl Planes {
-    /// Samples (or logarithms) that spectral coefficients represent, at a block of wavelengths or at chosen ones.
+    /// Returns the samples (or logarithms) that the spectral coefficients `row` represent, at a block of wavelengths or
+    /// at chosen ones.
     #[inline(always)]
     fn values<const WIDTH: usize>(
         &self,

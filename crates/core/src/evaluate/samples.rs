@@ -46,7 +46,7 @@ impl Samples {
         &self.values
     }
 
-    /// Returns true if some samples are masked.
+    /// Returns true if some samples of the material are masked (without a value).
     pub(super) fn has_masked(&self) -> bool {
         self.has_masked
     }
@@ -147,8 +147,7 @@ impl Samples {
     }
 }
 
-/// Inner product of samples with `weights` without masked samples, rescaled to the sum of all weights; 0 if all are
-/// masked.
+/// Inner product of `weights` and the unmasked samples, rescaled to the sum of all weights; 0 if all are masked.
 pub(super) fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
     let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
     for (lambda, w) in weights.iter().enumerate() {

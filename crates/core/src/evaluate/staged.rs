@@ -179,8 +179,8 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Writes the densities of the sampling mixtures at the directions of `draws` into their `pdf`. The leaf triangles
-    /// are those that contain the directions, or those in which they were drawn.
+    /// Writes the densities of the sampling mixtures at the directions of `draws` into their `pdf`. Expects in `draws`
+    /// the leaf triangles that contain the directions, or those in which the directions were drawn.
     fn write_densities(&self, options: SampleOptions, count: usize, room: &mut Room) {
         let trees = self.trees();
         if let Some(carry) = trees.carry(options.density) {

@@ -113,8 +113,9 @@ impl Trees {
         self.carry.filter(|_| density == Density::Linear)
     }
 
-    /// Fraction of directions drawn defensively (independently of the function) under an incoming direction. It is that
-    /// of the options, but 1 if no tree has light, and 0 if there is no light anywhere.
+    /// Returns the fraction of directions drawn defensively (independently of the function) under an incoming
+    /// direction. It is that of the options if `has_light` says that some sampling tree has light, else 1. It is 0 if
+    /// the options exclude defensive sampling, or if no direction has light.
     #[inline(always)]
     pub(super) fn defensive(&self, entry: usize, options: SampleOptions, has_light: bool) -> f64 {
         let is_defended = options.defensive > 0.0 && self.background.has_any(entry, options.density);

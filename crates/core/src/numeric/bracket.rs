@@ -13,7 +13,8 @@ pub struct Bracket {
     /// Index of the upper of the two entries of an increasing list between which a given number lies. If no entry is
     /// larger than the number, index of the last entry; if all are, of the first.
     pub above: usize,
-    /// Interpolation weight of the upper list entry, 0..=1; 0 beyond the ends of the list.
+    /// Weight of the upper of the two neighbouring list entries in linear interpolation, 0..=1; 0 beyond the ends of
+    /// the list.
     pub t: f64,
 }
 

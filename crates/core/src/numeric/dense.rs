@@ -122,7 +122,7 @@ fn substitute(rows: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Returns the rows `[A | A·x]` of a linear system that is far from singular, and its solution `x`.
+    /// Returns the rows `[A | A·x]` of a linear system that is far from singular, and its solution `x`, for tests.
     fn system(n: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
         let x: Vec<f64> = (0..n).map(|i| 1.0 - 0.3 * i as f64).collect();
         let rows = (0..n).map(|i| {

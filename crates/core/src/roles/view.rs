@@ -79,7 +79,8 @@ impl<'a> View<'a> {
         out
     }
 
-    /// Writes the spectrum at an incoming and an outgoing direction to `out`; zeros where the material has none.
+    /// Writes the spectrum at an incoming and an outgoing direction to `out`; zeros for a direction outside the
+    /// material's domain.
     ///
     /// # Panics
     /// If the length of `out` is not that of a spectrum.

@@ -90,7 +90,7 @@ impl Sequence {
 }
 
 /// Returns the samples of Legendre polynomials of degree below `count`, scaled to the first 64 of `n` samples and
-/// continued beyond. With `flip` they count from the last sample.
+/// continued beyond. With `flip`, samples count from the last one.
 fn polynomials(n: usize, count: usize, flip: bool) -> Vec<Vec<f64>> {
     let scale = n.min(64) as f64;
     let t = |i: usize| {

@@ -54,7 +54,7 @@ struct Family {
 /// positions).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Scheme {
-    /// Sums of samples weighted by filter taps.
+    /// Filter bank: each coefficient is a sum of samples weighted by the taps of a filter.
     Filters,
     /// Reflection of each pair of samples (a, b): `(α·a + β·b, β·a − α·b)` with α² + β² = 1. The ratio α/β follows from
     /// the number of original samples that each value represents.
@@ -344,7 +344,7 @@ impl LineBasis {
         self.line().name
     }
 
-    /// Returns the number of the wavelet basis in files, which never changes.
+    /// Returns the number that identifies the wavelet basis in files and never changes.
     pub fn code(self) -> u16 {
         self.line().code
     }

@@ -48,7 +48,7 @@ pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Expor
     let found = match &acquisition.samples {
         Samples::OnAxes { tensor: found, .. } if found.len() == tensor.len() => found.samples(),
         _ => {
-            let message = "what was written is not read as the same array, a bug".to_owned();
+            let message = "the written file does not read back as the same array, a bug of wavelume".to_owned();
             let kind = FormatErrorKind::Malformed;
             return Err(FormatError { kind, format: acquisition.format, position: None, message }.into());
         }

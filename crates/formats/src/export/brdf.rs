@@ -106,7 +106,7 @@ fn rgl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportE
 
 fn merl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let subject = Subject::rgb(material, options)?;
-    check_size(Some(12 + 24 * 90 * 90 * 180), options, "the format has one size")?;
+    check_size(Some(12 + 24 * 90 * 90 * 180), options, "every file of the format has this size")?;
     let written = write_merl(&subject)?;
     let error = compare(&written, &subject, what_of(material), REFLECTED, None)?;
     let resolution = "90 × 90 × 180 cells of half and difference angles".to_owned();
@@ -154,7 +154,7 @@ fn what_of(material: &Material) -> &'static str {
 
 fn lost_spectrum(material: &Material) -> Vec<String> {
     wavelengths(material)
-        .map(|grid| format!("the spectrum: of {} wavelengths, linear sRGB is left", grid.len()))
+        .map(|grid| format!("the spectrum: only linear sRGB of {} wavelengths is kept", grid.len()))
         .into_iter()
         .collect()
 }
@@ -220,7 +220,7 @@ fn compare(
             kind: FormatErrorKind::Malformed,
             format,
             position: None,
-            message: "what was written is not read as a function, a bug".to_owned(),
+            message: "the written file does not read back as a BSDF, a bug of wavelume".to_owned(),
         }),
     }
 }

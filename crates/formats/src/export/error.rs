@@ -49,9 +49,9 @@ pub enum UnfitError {
         fitting.join(" or ")
     )]
     Material {
-        /// Name of the requested format.
+        /// Name of the requested export format.
         format: &'static str,
-        /// Materials that the format holds, in words.
+        /// Materials that the export format holds, in words.
         holds: &'static str,
         /// Description of the material, in words.
         found: String,
@@ -61,7 +61,7 @@ pub enum UnfitError {
     /// The format cannot be written at the angles of the source file, only at resampled angles.
     #[error("{format} cannot be written at the angles of the source file, expected lm63, eulumdat or mbsdf")]
     NoGridWriter {
-        /// Name of the format.
+        /// Name of the requested export format.
         format: String,
     },
     /// The measured angles do not form a grid that the requested format can hold.
@@ -69,7 +69,7 @@ pub enum UnfitError {
         "the format {format} cannot hold the angles of the material; export it at other angles with the option `step`"
     )]
     OffGrid {
-        /// Name of the requested format.
+        /// Name of the requested export format.
         format: &'static str,
     },
     /// The material is not a luminaire.
@@ -84,15 +84,15 @@ pub enum OptionError {
     /// An export option has no effect for the requested format.
     #[error("the option `{option}` does nothing for {format}; leave it out")]
     Unused {
-        /// Name of the option that has no effect.
+        /// Name of the export option that has no effect.
         option: &'static str,
-        /// Name of the requested format.
+        /// Name of the requested export format.
         format: &'static str,
     },
     /// The user chose one entry by an index, but the format always holds every entry of the index axes.
     #[error("the option `index` does nothing for {format}, which holds every entry; leave it out")]
     UnusedIndex {
-        /// Name of the requested format.
+        /// Name of the requested export format.
         format: &'static str,
     },
     /// The user chose no entry by an index, but the format holds a single entry of the index axes.
@@ -104,7 +104,7 @@ pub enum OptionError {
     MissingIndex {
         /// Number of entries on each index axis of the material.
         shape: Vec<usize>,
-        /// Name of the requested format.
+        /// Name of the requested export format.
         format: &'static str,
     },
     /// The requested step between neighbouring angles in the exported file is out of range.
@@ -113,7 +113,7 @@ pub enum OptionError {
         /// Requested step in degrees between neighbouring directions in the exported file: the incident directions of a
         /// BRDF or the directions of a luminaire.
         found: f64,
-        /// Steps that an export can have.
+        /// Range of the steps in degrees that the export accepts.
         limits: Limits,
     },
     /// The requested number of nodes along a side of a table of directions is out of range.
@@ -153,13 +153,13 @@ pub enum OptionError {
     /// The format takes decoded samples, not a material.
     #[error("format {format} takes decoded samples, not a material; decode the material first")]
     Undecoded {
-        /// Name of the format.
+        /// Name of the requested export format.
         format: &'static str,
     },
     /// The format takes a material, not decoded samples.
     #[error("format {format} takes a material, not decoded samples; open the material instead")]
     Decoded {
-        /// Name of the format.
+        /// Name of the requested export format.
         format: &'static str,
     },
 }

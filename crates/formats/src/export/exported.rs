@@ -16,7 +16,7 @@ pub struct Exported {
 /// Contents, resolution and errors of an exported file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Name of the format.
+    /// Name of the export format of the file.
     pub format: &'static str,
     /// Resolution at which the export sampled the material, in words: for example the number of angles.
     pub resolution: String,

@@ -7,7 +7,7 @@ use super::writer::{Write, Writer};
 use crate::domain::{Axis, Domain, Quantity};
 use crate::evaluate::Material;
 
-/// Domains of directions above the surface.
+/// Domains that contain the directions above the surface: the upper hemisphere and the sphere.
 pub(super) const UPPER: &[Domain] = &[Domain::Hemisphere, Domain::Sphere];
 
 /// Refuses a format that cannot hold the material, and options that are invalid or have no effect. The error for an
@@ -30,8 +30,7 @@ pub(super) fn check(
     index(material, writer, options)
 }
 
-/// Refuses export options that have no effect. For each option, `knows` receives the formats that it applies to and
-/// returns true if the requested one is among them.
+/// Refuses export options other than `index` that have no effect in `format`; `known` names those that it accepts.
 pub(super) fn unused(
     format: &'static str,
     options: &ExportOptions,
@@ -45,7 +44,8 @@ pub(super) fn unused(
     }
 }
 
-/// Checks the requested entry; the index must be empty if the material has no index axes.
+/// Checks the entry of the index axes (axes of numbered entries) that the export options request. Without a request, a
+/// format that holds one entry needs index axes of length 1.
 fn index(material: &Material, writer: &Writer, options: &ExportOptions) -> Result<(), ExportError> {
     let axes = &material.axes()[..material.layout().indices];
     match &options.index {
@@ -101,7 +101,7 @@ pub(super) fn is_on(axis: Option<&Axis>, domains: &[Domain]) -> bool {
     }
 }
 
-/// Returns true if the values can be converted to RGB.
+/// Returns true if the material's spectra can be converted to RGB, or are RGB or monochromatic already.
 pub(super) fn has_colour(material: &Material) -> bool {
     match material.axes().last() {
         Some(Axis::Wavelength(_)) => super::subject::colours(material).is_some(),

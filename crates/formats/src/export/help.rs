@@ -9,7 +9,8 @@ pub(super) fn of_formats<'a>(writers: impl Iterator<Item = &'a Writer>) -> Strin
     format!("Format to write: {}", one_of(&formats))
 }
 
-/// Returns the help text of an option: before the declared text, each meaning with the formats that have it.
+/// Returns the help text of an export option: the meanings of its value, each with the formats in which it applies,
+/// then the text declared for the option.
 pub(super) fn of_option<'a>(option: &Declared, writers: impl Iterator<Item = &'a Writer>) -> String {
     let mut meanings: Vec<(&str, Vec<&str>)> = Vec::new();
     for writer in writers {

@@ -10,13 +10,13 @@ const BRIGHT: f64 = 0.01;
 /// Errors of the intensities of a luminaire against the values in its source file, as fractions (0.01 is 1 %).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LampErrors {
-    /// Relative error of the largest intensity, as a fraction.
+    /// Relative error of the luminaire's largest intensity, as a fraction.
     pub peak: f64,
     /// Relative error of the zonal flux of a luminaire, with intensities linear in the polar angle and in the azimuth.
     pub flux: f64,
-    /// Root mean square error of all intensities, divided by the largest intensity.
+    /// Root mean square error of all intensities of the luminaire, divided by the largest intensity.
     pub rms_of_peak: f64,
-    /// Root mean square of the relative errors of intensities above 1 % of the largest one.
+    /// Root mean square of the relative errors of the luminaire's intensities above 1 % of the largest one.
     pub er_l2_bright: f64,
 }
 

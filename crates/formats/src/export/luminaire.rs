@@ -247,7 +247,7 @@ fn grid(bytes: &[u8]) -> Result<AngleGrid, FormatError> {
             kind: FormatErrorKind::Malformed,
             format: acquisition.format,
             position: None,
-            message: "what was written is not read as a grid, a bug".to_owned(),
+            message: "the written file does not read back as a grid of angles, a bug of wavelume".to_owned(),
         }),
     }
 }

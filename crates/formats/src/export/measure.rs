@@ -48,9 +48,10 @@ pub(super) enum Draws {
     /// Random directions for a BRDF, BTDF or BSDF: `wi` above the surface, and `wo` above it, below it or on both
     /// sides. The density of each is proportional to |cos θ|.
     Surface { above: bool, below: bool },
-    /// There is no `wi`; `wo` is uniform on the part of the unit sphere between the heights `z = low` and `z = high`.
+    /// Distribution without an incoming direction `wi`: `wo` is uniform on the part of the unit sphere between the
+    /// heights `z = low` and `z = high`.
     Emission { low: i8, high: i8 },
-    /// `wi` and `wo` are independent and uniform on the sphere.
+    /// Distribution over the whole sphere: `wi` and `wo` are independent and uniform.
     Sphere,
 }
 

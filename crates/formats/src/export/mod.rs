@@ -85,7 +85,7 @@ fn writers() -> impl Iterator<Item = &'static Writer> {
     ExportFormat::ALL.iter().map(|format| format.writer())
 }
 
-/// The formats that `material` can be written as.
+/// Returns the formats to which `material` can be exported.
 pub fn fitting(material: &Material) -> Vec<ExportFormat> {
     ExportFormat::ALL.iter().copied().filter(|format| (format.writer().fits)(material)).collect()
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use std::ops::Bound::Included;
 
 /// Declares the options of an export: each once, with its name, help text, default and values. Fields in the block
-/// `beside` are no options of the user.
+/// `beside` are set by the calling program, not by its user.
 macro_rules! options {
     ($(#[$meta:meta])* pub struct ExportOptions {
         $($(#[doc = $help:literal])+ pub $name:ident: $type:ty = $default:expr => $values:expr,)+
@@ -46,7 +46,7 @@ macro_rules! options {
                 Ok(options)
             }
 
-            /// Returns the names of the options that differ from their defaults.
+            /// Returns the names of the export options that differ from their defaults.
             pub(super) fn stated(&self) -> impl Iterator<Item = &'static str> {
                 let usual = Self::default();
                 let options = [$((stringify!($name), self.$name != usual.$name)),+];

@@ -66,7 +66,7 @@ fn tabphase(material: &Material, options: &ExportOptions) -> Result<Exported, Ex
     if let Some(grid) = wavelengths(material).filter(|grid| grid.len() > 1) {
         lost.push(match options.wavelength {
             Some(lambda) => format!("all but {lambda} nm of {} wavelengths", grid.len()),
-            None => format!("the spectrum: of {} wavelengths, the mean is left", grid.len()),
+            None => format!("the spectrum: only the mean over {} wavelengths is kept", grid.len()),
         });
     }
     let about = Summary {

@@ -14,8 +14,9 @@ const ELEVATIONS: f64 = 3.75;
 /// Default lower bound on the step between the incident azimuths of an exported BRDF, in degrees. Raising it makes
 /// smaller files.
 const AZIMUTHS: f64 = 5.0;
-/// Steps of incident elevations and of incident azimuths, in degrees, to which incident directions are thinned before
-/// nodes of outgoing directions are, so that an export meets its size limit. Raising them keeps more nodes.
+/// Limits on doubling the default steps between the incident elevations and between the incident azimuths of an
+/// exported BRDF, in degrees: only smaller steps are doubled to meet the size limit. Nodes of outgoing directions are
+/// reduced afterwards; raising the limits keeps more nodes.
 const FEWEST: (f64, f64) = (7.5, 10.0);
 /// Limit on doubling the step between the incident azimuths of an exported BRDF, in degrees, the last means of meeting
 /// the size limit of the file: only a smaller step is doubled. Raising it lets more exports meet the size limit.

@@ -11,7 +11,7 @@ use crate::domain::{Axis, ErrorReport, Quantity, WavelengthGrid};
 use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, write_spd, write_spectra};
 
-/// Writer of one spectrum in two columns.
+/// Writer of the export format `spd`: one spectrum in two columns.
 pub(super) const SPD: Writer = Writer {
     name: "spd",
     other_names: &[],
@@ -24,7 +24,7 @@ pub(super) const SPD: Writer = Writer {
     write: Write::Entry(spd),
 };
 
-/// Writer of spectra in columns.
+/// Writer of the export format `csv`: spectra in columns.
 pub(super) const CSV: Writer = Writer {
     name: "csv",
     other_names: &[],
@@ -52,7 +52,7 @@ fn spd(material: &Material, options: &ExportOptions) -> Result<Exported, ExportE
     let written: Vec<f32> = samples.iter().copied().filter(|sample| !sample.is_nan()).collect();
     let masked = samples.len() - written.len();
     let mut lost: Vec<String> =
-        (masked > 0).then(|| format!("{masked} masked samples, which have no row")).into_iter().collect();
+        (masked > 0).then(|| format!("{masked} masked samples, which get no row in the file")).into_iter().collect();
     let entries: usize = material.axes()[..material.layout().indices].iter().map(Axis::len).product();
     if entries > 1 {
         lost.push(format!("{} of {entries} spectra", entries - 1));
@@ -120,7 +120,7 @@ fn finish(
     let found = match &acquisition.samples {
         Samples::OnAxes { tensor, .. } if tensor.len() == samples.len() => tensor.samples(),
         _ => {
-            let message = "what was written is not read as the same spectra, a bug".to_owned();
+            let message = "the written file does not read back as the same spectra, a bug of wavelume".to_owned();
             let kind = FormatErrorKind::Malformed;
             return Err(FormatError { kind, format: acquisition.format, position: None, message }.into());
         }

@@ -19,9 +19,9 @@ pub(super) struct Writer {
     pub(super) extension: &'static str,
     /// Media type of files in the export format.
     pub(super) media_type: &'static str,
-    /// Materials that the format holds, in words.
+    /// Materials that the export format holds, in words.
     pub(super) holds: &'static str,
-    /// Returns true if the format holds the material.
+    /// Returns true if the export format holds the material.
     pub(super) fits: fn(&Material) -> bool,
     /// Names of the export options that the format accepts, each with the meaning of its value in this format.
     pub(super) options: &'static [(&'static str, &'static str)],

@@ -120,8 +120,8 @@ pub struct Written {
     pub clipped: usize,
 }
 
-/// Lower bound on the cosine from the normal, near the horizon, where quotients by the cosine diverge. Raising it makes
-/// extreme angles less accurate.
+/// Least cosine from the normal of the directions that [`lifted`] returns; nearer to the horizon, quotients by the
+/// cosine diverge. Raising it makes extreme angles less accurate.
 pub(super) const HORIZON: f64 = 1e-3;
 
 /// Returns a unit vector as a direction, raised to just above the horizon if it lies below.
@@ -142,7 +142,7 @@ pub struct AngleGrid {
     pub outgoing: Option<Angles>,
     /// Wavelengths or colour channels; `None` if each direction has a single value.
     pub spectral: Option<Axis>,
-    /// Value at directions outside the covered angles.
+    /// Value of the grid at directions outside its angles: 0, or masked.
     pub outside: Outside,
     /// Measured values, row-major in the order of the axes; NaN = missing.
     pub values: Vec<f32>,
@@ -186,7 +186,7 @@ pub enum AzimuthExtent {
     Sector,
 }
 
-/// Value at directions outside the samples of a grid.
+/// Value that a grid of angles gives at directions outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outside {
     /// Value 0 at directions outside the grid, as the standards of luminaire files (LM-63, EULUMDAT) define it.
@@ -209,7 +209,7 @@ pub struct SpectralFactor {
 /// Report of a parser for the user: assumptions, fillings, skips, warnings, and the file's own keywords in order.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ParseReport {
-    /// Notes of the parser in order of occurrence.
+    /// Notes of the parser (assumptions, fillings, skips and warnings) in order of occurrence.
     pub notes: Vec<Note>,
     /// Keywords and header fields of the file, in the order of the file.
     pub metadata: Vec<(String, String)>,

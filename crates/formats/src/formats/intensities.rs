@@ -118,7 +118,8 @@ pub(super) fn ordered(
     Ok(Ordered { vertical, horizontal, intensities, repeated })
 }
 
-/// List of angles to bring into order, with its place in the table of intensities `[outer, angles, inner]`.
+/// List of angles of a luminaire file to bring into order, with its place in the table of intensities
+/// `[outer, angles, inner]`.
 struct Line {
     angles: Vec<(f64, usize)>,
     range: (f64, f64),

@@ -46,7 +46,8 @@ macro_rules! reading {
                 },
             )+];
 
-            /// Returns the names of the stated options, each with its value to be shown.
+            /// Returns the names of the options for reading a file that the user stated, each with its value as
+            /// displayed.
             pub fn stated(&self) -> Vec<(&'static str, &dyn Display)> {
                 let mut stated: Vec<(&'static str, &dyn Display)> = Vec::new();
                 $(stated.extend(self.$name.as_ref().map(|value| (stringify!($name), value as &dyn Display)));)+

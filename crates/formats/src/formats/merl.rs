@@ -47,8 +47,8 @@ const ELEVATION_STEP: usize = 3;
 /// direction.
 const SPACING: f64 = 2.0;
 
-/// Returns the first three 32-bit numbers of a file in little-endian and in big-endian order, with a flag that is true
-/// for big-endian.
+/// Returns the first three 32-bit numbers of a MERL file, which are the lengths of its table along the three axes, in
+/// little-endian and in big-endian order. The flag is true for big-endian.
 fn dimensions(bytes: &[u8]) -> Option<[(bool, [i32; 3]); 2]> {
     let (words, _) = bytes.first_chunk::<HEAD>()?.as_chunks::<4>();
     let little = [0, 1, 2].map(|i| i32::from_le_bytes(words[i]));

@@ -11,7 +11,7 @@ pub(super) const FACTOR: &str = "quantity reflectance-factor";
 /// Options of the user that no reader of a file format refuses as without effect: all readers, or the choice of axes
 /// after reading, use them.
 const ANYWHERE: [&str; 3] = ["quantity", "unit", "wavelengths"];
-/// Number of bytes at the start of a file that a probe sees as text.
+/// Number of bytes at the start of a file that are decoded as text in order to recognise its format.
 pub(super) const HEAD_BYTES: usize = 1 << 16;
 
 /// Description of a file format for the list of known formats.

@@ -39,7 +39,7 @@ impl Source {
         Self { format, text, encoding }
     }
 
-    /// Returns the decoded text.
+    /// Returns the decoded text of the file.
     pub(super) fn text(&self) -> &str {
         &self.text
     }
@@ -101,7 +101,7 @@ impl Lines<'_> {
         self.at
     }
 
-    /// Continues the iteration with the line that starts at byte `offset`.
+    /// Makes the line that starts at byte `offset` of the text the next one that the iterator yields.
     pub(super) fn skip_to(&mut self, offset: usize) {
         self.at = offset;
     }

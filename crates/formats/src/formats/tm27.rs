@@ -121,7 +121,7 @@ fn meaning(
     }
 }
 
-/// Wavelength in nm and value of a spectrum, with their byte offset.
+/// Point of a spectrum: a wavelength in nm and the value there, with the byte offset of its XML element in the file.
 struct Point {
     wavelength: f64,
     value: f32,

@@ -15,8 +15,8 @@ pub(super) fn turned(source: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     target
 }
 
-/// Fills a table by columns: `target[row * stride + column]`. `read(column, row, piece)` writes the part of a column
-/// that starts at a row.
+/// Fills the table `target[row * stride + column]` from a source that is stored by columns. `read(column, row, piece)`
+/// writes into `piece` the values of a column from `row` on.
 pub(super) fn turn(
     (target, stride): (&mut [f32], usize),
     rows: usize,

@@ -1,7 +1,8 @@
 //! Notes on checks of a file against physics.
 
 wavelume_core::declare_notes! {
-    /// Notes on checks of a measurement against physics: energy conservation, reciprocity and negative values.
+    /// Remarks for the user on checks of a measurement against physics: energy conservation, reciprocity and negative
+    /// values.
     CheckNote {
         Checked AlbedoAboveOne {
             albedo: f64, above: usize, summed: usize, all: usize, theta_i_degrees: f64, phi_i_degrees: Option<f64>,

@@ -3,7 +3,7 @@
 use crate::domain::Domain;
 
 wavelume_core::declare_notes! {
-    /// Notes on fitting cells (triangles of directions) to samples at scattered directions.
+    /// Remarks for the user on fitting cells (triangles of directions) to samples at scattered directions.
     FitNote {
         Chosen Elevations { elevations: usize, is_measured: bool } => "incoming: {elevations} elevation{s} (isotropic), {origin}",
             s = if elevations == 1 { "" } else { "s" },

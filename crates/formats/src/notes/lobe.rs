@@ -1,7 +1,7 @@
 //! Notes on narrow lobes.
 
 wavelume_core::declare_notes! {
-    /// Notes on narrow lobes of a measurement.
+    /// Remarks for the user (warnings, choices) on narrow lobes of a measurement.
     LobeNote {
         Chosen Carried { lobe: String, samples: u64, reduced_percent: Option<f64>, unseen_bands: usize } =>
             "a lobe narrower than the cells is carried beside them: {lobe}; {samples} {lie} within half its \

@@ -4,7 +4,7 @@ use super::{Brief, Quoted};
 use crate::domain::Unit;
 
 wavelume_core::declare_notes! {
-    /// Notes on luminaires: lamps, photometric planes and intensities.
+    /// Remarks for the user (warnings, assumptions) on luminaires: lamps, photometric planes and intensities.
     LuminaireNote {
         // Intensities of any format.
         Warning NegativeIntensities { intensities: usize, lowest: f32 } =>

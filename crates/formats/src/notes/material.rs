@@ -1,7 +1,8 @@
 //! Notes on a compressed material: its light and its errors at the samples.
 
 wavelume_core::declare_notes! {
-    /// Notes on a compressed material: its directional albedo or flux, and its errors at the samples.
+    /// Warnings for the user about a compressed material: its directional albedo or flux, and its errors at the
+    /// samples.
     MaterialNote {
         Warning LightOff { largest_percent: f64, bound: f64 } =>
             "the light of some direction (directional albedo, flux) is {largest_percent:.1} % off, though the samples keep \

@@ -3,8 +3,8 @@
 use crate::domain::Domain;
 
 wavelume_core::declare_notes! {
-    /// Notes on the projection of a measurement: its axes and the cells (triangles of directions) that represent
-    /// samples.
+    /// Remarks for the user on the projection of a measurement: the chosen axes, and the cells (triangles of
+    /// directions) that represent samples.
     ProjectionNote {
         Chosen AsInFile => "the axes and samples of the file";
         Chosen AxisAsStated { role: &'static str, axis: String } => "{role}: {axis}, as the file states it";

@@ -3,7 +3,8 @@
 use super::Quoted;
 
 wavelume_core::declare_notes! {
-    /// Notes on the lines and columns of text files, and on the files of an archive.
+    /// Remarks for the user (warnings, assumptions) on the lines and columns of text files, and on the files of an
+    /// archive.
     TextNote {
         Assumed DecodedAs { encoding: &'static str } => "text decoded as {encoding}";
         Skipped LinesBeforeData { lines: usize } => "{lines} lines of text before the data";

@@ -4,7 +4,7 @@ use super::Brief;
 use crate::domain::Unit;
 
 wavelume_core::declare_notes! {
-    /// Notes on numbers, units and quantities in files of any format.
+    /// Remarks for the user (warnings, assumptions) on numbers, units and quantities in files of any format.
     ValueNote {
         Warning Negative { values: usize, lowest: f32 } =>
             "{values} values are negative, down to {lowest}; kept as they are";

@@ -33,9 +33,9 @@ use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The compressed file.
+    /// Bytes of the compressed file.
     pub bytes: Vec<u8>,
-    /// Size, errors and warnings, measured on the decoded file.
+    /// Report on the compressed file: size, and the errors measured after decoding it, with warnings.
     pub report: Report,
 }
 

@@ -26,7 +26,8 @@ pub(super) struct Tried {
     /// Report on the deviations of the samples from the values on the triangles before compression; `None` if the
     /// samples are not scattered.
     fit: Option<FitReport>,
-    /// Number of subdivision levels beyond the one that fits the spacing of the samples.
+    /// Number of subdivision levels by which the tried triangles are finer than those that fit the spacing of the
+    /// samples.
     finer: u8,
     /// True if no finer subdivision level of the triangles is left to try.
     is_last: bool,

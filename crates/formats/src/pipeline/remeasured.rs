@@ -18,7 +18,8 @@ const COORDINATE: f64 = 1e-3;
 /// Errors of a material at the values of a measurement, measured by [`remeasure`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Remeasured {
-    /// Errors at the values before compression, which the header of the material states, too.
+    /// Errors of the material against the values before compression. The header of the material states the errors
+    /// against the same values.
     pub errors: ErrorReport,
     /// Errors at the samples of the measurement, if the values before compression are averages of them or were fitted
     /// to them.

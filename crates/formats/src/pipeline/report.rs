@@ -154,7 +154,7 @@ pub(super) struct Measured<'a> {
     pub(super) fit: Option<(FitReport, AtSamples)>,
     /// Errors of the decoded file at the samples of a grid that was averaged over triangles; `None` for other samples.
     pub(super) at_cells: Option<ErrorReport>,
-    /// Decoded material to evaluate; `None` if the report needs no evaluation.
+    /// Decoded material, for the report on interpolation between incident directions; `None` if none is needed.
     pub(super) material: Option<&'a Material>,
 }
 

@@ -14,7 +14,7 @@ pub enum Curve {
     /// linear interpolation that keeps the flux within 0.3 % of the zonal flux of the samples.
     #[default]
     Cubic,
-    /// Linear interpolation between the samples.
+    /// Linear interpolation between the samples of a grid of angles.
     Linear,
 }
 impl Curve {
@@ -217,7 +217,8 @@ impl Request {
         }
     }
 
-    /// Returns the requested axes onto which the measurement is resampled before compression.
+    /// Returns the axes of the request, onto which the measurement is projected before compression. The error tells why
+    /// the requested wavelengths are invalid.
     pub(super) fn axes(&self) -> Result<AxesRequest, WavelengthError> {
         Ok(AxesRequest {
             domain: self.domain,

@@ -151,9 +151,9 @@ impl LightSums {
         Self { places, sums: vec![Sum::default(); angles.len() * groups], width, groups, angles, by_area }
     }
 
-    /// Adds values of samples and of the material, `[sample, wavelength]`, to the sums of light; `from` is the number
-    /// of the first sample. `rejected` yields the positions of rejected values in increasing order, with true for those
-    /// that lie close together.
+    /// Adds values of samples and of the material at the same samples, both `[sample, wavelength]`, to the running
+    /// sums. `from` is the number of the first sample. `rejected` yields the positions of rejected values in increasing
+    /// order, with true for those that lie close together.
     pub(super) fn add(
         &mut self,
         from: usize,
@@ -256,7 +256,8 @@ fn is_off(light: &IncidenceLight) -> bool {
 pub(super) enum Untold {
     /// Number of sample values that belong to a lobe that could not be fitted.
     Together(u64),
-    /// Outliers among the samples around a likely lobe centre, such as the mirror direction.
+    /// Outliers among the samples around a likely centre of a lobe, such as the mirror direction: the centre and their
+    /// number.
     Centred(UnresolvedLobe),
 }
 

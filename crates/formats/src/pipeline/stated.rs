@@ -24,11 +24,12 @@ const LONGEST: usize = 500;
 /// Contents of a material file: a report in the form of that of its compression, and the origin of the material.
 #[derive(Clone, Debug)]
 pub struct Stated {
-    /// Sizes, axes and errors. Errors are those that the header states; warnings are those of the metadata.
+    /// Size, axes and errors of the material. The errors are those that the header states, the warnings those of the
+    /// metadata.
     pub report: Report,
     /// Origin of the material according to its metadata.
     pub origin: StatedOrigin,
-    /// Facts of the header and text of the metadata.
+    /// Contents of the file's header (quantity, unit, axes, settings and errors), and the text of its metadata.
     pub summary: Summary,
 }
 

@@ -141,7 +141,8 @@ struct Look<'a> {
     weights: Option<crate::domain::colour::Tristimulus>,
     lambdas: Vec<f64>,
     white: Xyz,
-    /// Chromatic adaptation from the white point to the white of sRGB; `None` for RGB data.
+    /// Conversion of XYZ from the white point of the viewing conditions to the white of sRGB (chromatic adaptation);
+    /// `None` for RGB data.
     adaptation: Option<Adaptation>,
 }
 
@@ -178,8 +179,8 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Returns two things about the requested colour: true if it is the colour of an integral over outgoing directions,
-    /// and the factor by which values are multiplied so that white is 1.
+    /// Returns true if the requested colour is that of an integral over outgoing directions. Also returns the factor by
+    /// which values are multiplied so that white is 1.
     fn scale(&self, asked: &Question<'_>, has_outgoing: bool) -> (bool, f64) {
         let quantity = self.material.quantity();
         let integrated = has_outgoing && asked.wo.is_none();

@@ -32,7 +32,7 @@ pub(super) fn spectra(
     }
 }
 
-/// Returns the spectra to draw in a plot.
+/// Returns the spectra to draw in a plot: those of the entry `index`, or of evenly spaced entries if `index` is `None`.
 fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, PreviewError> {
     let layout = material.layout();
     let axes = &material.axes()[..layout.indices];

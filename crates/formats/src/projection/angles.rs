@@ -9,8 +9,8 @@ use crate::numeric::bracket::Bracket;
 /// Degrees by which a sample direction on the boundary of the covered range of angles is moved inside. It then falls
 /// into a triangle that the range covers.
 const INSIDE: f64 = 1e-6;
-/// Number of azimuths at which a sample without azimuth, which represents its whole ring, is compared. Raising it makes
-/// comparisons finer and slower.
+/// Number of azimuths, on the ring that a sample without azimuth represents, at which the sample is compared with
+/// averages over triangles. Raising it makes comparisons finer and slower.
 const RING: usize = 16;
 
 /// Checks that the polar angles and azimuths of a file form a valid grid.

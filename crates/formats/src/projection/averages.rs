@@ -176,7 +176,7 @@ pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
     finest.max((level + USUAL_DIVISIONS).min(FINEST_LEVEL)).saturating_sub(level).max(MIN_DIVISIONS)
 }
 
-/// Running sums of the sample weights over one triangle.
+/// Running sums, over the parts of one triangle, of the weight of each sample in the average over the triangle.
 struct Tally<'a> {
     interpolant: &'a Interpolant<'a>,
     entries: Vec<(u32, f64)>,

@@ -14,8 +14,8 @@ const END_TOLERANCE: f64 = 1e-9;
 /// target outside the measured range has no weights.
 #[derive(Clone, Debug)]
 pub(super) struct Bands {
-    /// For each target wavelength: the index of the first sample, and the weights of it and the samples after it; the
-    /// weights sum to 1.
+    /// Weights for each target wavelength: the index of the first sample that contributes, and the weights of this
+    /// sample and of those after it. They sum to 1; there are none for a wavelength outside the measured range.
     targets: Vec<(usize, Vec<f64>)>,
 }
 

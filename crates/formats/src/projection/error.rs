@@ -37,13 +37,13 @@ pub enum ProjectionError {
     /// The measurement cannot be made reciprocal, with f(ωi, ωo) = f(ωo, ωi).
     #[error("cannot make the measurement reciprocal: {0}")]
     Reciprocal(#[from] ReciprocalError),
-    /// The grid of directions in the file cannot become an axis of the result.
+    /// The grid of directions in the file cannot become an axis of the projected measurement.
     #[error("the file's grid of directions cannot become an axis: {0}")]
     Grid(#[from] StatedGridError),
     /// The axes onto which the measurement is projected are invalid or make more samples than the limit.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The tensor of the result cannot be created.
+    /// The tensor of the projected measurement cannot be created, for example because a sample is infinite.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
@@ -199,9 +199,9 @@ pub enum AnglesError {
         "the grid covers theta {low} to {high} degrees, expected a range that contains its angles {first} to {last}"
     )]
     Covers {
-        /// Start of the covered range of theta, in degrees.
+        /// Start, in degrees, of the range of theta that the grid of the file covers.
         low: f64,
-        /// End of the covered range of theta, in degrees.
+        /// End, in degrees, of the range of theta that the grid of the file covers.
         high: f64,
         /// Smallest polar angle of the grid, in degrees.
         first: f64,
@@ -226,7 +226,7 @@ pub enum AnglesError {
     /// The grid has a single polar angle, which covers no area to average over.
     #[error("found a single theta ({theta} degrees), which covers no area, expected two or more")]
     OneTheta {
-        /// The only polar angle of the grid, in degrees.
+        /// The only polar angle, in degrees, of the grid of directions in the file.
         theta: f64,
     },
     /// The grid is a sector with a single azimuth, which covers no area to average over.
@@ -235,15 +235,16 @@ pub enum AnglesError {
          for values that hold at all azimuths"
     )]
     OneAzimuth {
-        /// The only azimuth of the grid, in degrees.
+        /// The only azimuth, in degrees, of the grid of directions in the file.
         phi: f64,
     },
-    /// The range of theta lies outside the directions for which the quantity is defined.
+    /// The range of theta that the grid of the file covers lies outside the directions for which the quantity is
+    /// defined.
     #[error("theta {low} to {high} degrees does not reach into the {domain} of directions of a {quantity}")]
     Beside {
-        /// Start of the covered range of theta, in degrees.
+        /// Start, in degrees, of the range of theta that the grid of the file covers.
         low: f64,
-        /// End of the covered range of theta, in degrees.
+        /// End, in degrees, of the range of theta that the grid of the file covers.
         high: f64,
         /// Part of the sphere on which the quantity is defined.
         domain: Domain,
@@ -282,9 +283,9 @@ pub enum ScatteredError {
     Count {
         /// Role of the directions whose number is wrong: incoming or outgoing.
         role: Role,
-        /// Number of directions that the file lists for the role at fault, which is either incoming or outgoing.
+        /// Number of incoming or of outgoing directions that the file lists.
         found: usize,
-        /// Number of samples, which is the expected number of directions.
+        /// Number of samples, which is the expected number of incoming or of outgoing directions.
         expected: usize,
     },
     /// The polar angle or azimuth of a sample direction is out of its range.

@@ -182,7 +182,7 @@ impl Side<'_> {
         }
     }
 
-    /// Adds notes for the user on choices and assumptions about the directions.
+    /// Adds notes for the user on choices and assumptions about the incoming or the outgoing directions of a file.
     fn describe(&self, of: Role, outside: Outside, notes: &mut Vec<Note>) {
         let role = of.name();
         let (angles, choice) = match self {

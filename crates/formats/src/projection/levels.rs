@@ -19,7 +19,7 @@ pub(super) const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
 #[derive(Clone, Debug)]
 pub(super) struct Choice {
     pub(super) mesh: TriangleMesh,
-    /// True if the user requested the subdivision level.
+    /// True if the user requested the subdivision level of the mesh, false if the program chose it.
     pub(super) requested: bool,
     /// Subdivision level of the mesh that fits the sample spacing, or that was requested. The mesh may be coarser to
     /// limit the size of the tensor, or finer on request.

@@ -79,8 +79,8 @@ fn of_grid(grid: &AngleGrid) -> Vec<Vec<Sample>> {
     (0..n_in).map(profile).collect()
 }
 
-/// Returns the columns of outgoing azimuths in the plane of incidence, each with the sign of theta: positive on the
-/// side of the mirror direction.
+/// Returns the indices of the outgoing azimuths in the plane of incidence, each with the sign that polar angles get
+/// there: positive on the side of the mirror direction.
 fn columns(outgoing: &Angles, phi_i: f64) -> Vec<(usize, f64)> {
     let Some(azimuths) = &outgoing.phi else { return vec![(0, 1.0), (0, -1.0)] };
     let sign = |phi: f64| {

@@ -24,12 +24,13 @@ const OUTGOING_DIVISIONS: u32 = 2;
 /// Finest subdivision level of the parts of a triangle that narrow features of a function can demand. Raising it
 /// resolves narrower features and takes longer.
 const FINEST_LEVEL: u32 = 9;
-/// Fixed cost of one evaluation of a function, expressed as a number of spectral channels.
+/// Fixed cost of one evaluation of a function, in units of the cost of one spectral channel.
 const OVERHEAD: usize = 64;
-/// Upper bound on the evaluations, times spectral channels, of a function that is averaged over triangles: about ten
-/// seconds of computation. Triangles are split less often to stay below it. Raising it is slower and more accurate.
+/// Upper bound on the work of averaging a function over triangles: evaluations of the function times spectral channels.
+/// Work at the bound takes about ten seconds. Triangles are split less often to stay below it. Raising it is slower and
+/// more accurate.
 const MAX_WORK: u64 = 1 << 33;
-/// Number of spectra that one task computes at a time.
+/// Number of spectra of the function that one task computes at a time.
 const BLOCK: usize = 16;
 
 /// Incoming axis onto which a function of two directions is projected.
@@ -134,7 +135,7 @@ impl Incoming<'_> {
         }
     }
 
-    /// Returns how many times each incoming triangle is split into four to average over it.
+    /// Returns how many times each triangle of incoming directions is split into four, to average the function over it.
     fn divisions(&self, modelled: &Modelled) -> u32 {
         match self {
             Self::Elevations(_) => 0,
@@ -145,8 +146,8 @@ impl Incoming<'_> {
         }
     }
 
-    /// Returns the weighted directions that represent each position on the incoming axis. Adds notes that tell the user
-    /// which incoming axis was chosen.
+    /// Returns, for each position on the incoming axis, weighted incoming directions over which the function is
+    /// averaged. Adds notes that tell the user which incoming axis was chosen.
     fn parts(&self, divisions: u32, notes: &mut Vec<Note>) -> Vec<Vec<Part>> {
         let role = Role::Incoming.name();
         match self {

@@ -7,7 +7,7 @@ use crate::domain::{Measurement, Note, NoteKind, Tensor};
 use crate::formats::Contradictions;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Result of a projection: a measurement resampled to final axes, with facts about the resampling.
+/// Result of a projection: a measurement resampled to the axes of its tensor, with facts about the resampling.
 #[derive(Clone, Debug)]
 pub struct Projected {
     /// Resampled tensor with its physical quantity and unit.
@@ -18,8 +18,8 @@ pub struct Projected {
     /// nor interpolated. They are continued from samples nearby, mirrored in the plane of incidence, or taken from
     /// exchanged directions, f(ωo, ωi). Empty if no spectrum is filled in.
     pub filled: Vec<bool>,
-    /// Numbers as a file writes them if it states a separate factor, on the axes of the measurement. `None` if the
-    /// factor is 1 or the numbers were resampled.
+    /// Numbers as the file writes them, if it states a factor for all of them apart, on the axes of `measurement`.
+    /// `None` if the factor is 1 or the numbers were resampled.
     pub numbers: Option<Numbers>,
     /// Measured samples at scattered directions, with which the compressed material is compared; `None` for files with
     /// a grid.
@@ -34,7 +34,7 @@ pub struct Numbers {
     /// Numbers as the measurement file lists them, not yet multiplied by the factor that the file states apart from
     /// them.
     pub tensor: Tensor,
-    /// Product of all multipliers that the file states once for all numbers.
+    /// Product of the multipliers that the measurement file states once for all its numbers, such as a ballast factor.
     pub factor: f64,
 }
 

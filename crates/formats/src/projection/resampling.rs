@@ -4,7 +4,7 @@ use super::averages::Averages;
 use super::bands::Bands;
 use rayon::prelude::*;
 
-/// Number of output values that one task computes at a time.
+/// Number of values of the resampled tensor that one task computes at a time.
 const BLOCK: usize = 1 << 12;
 
 /// Resampling of an axis of directions. Data without directions count as having such an axis of length 1.
@@ -28,12 +28,12 @@ pub(super) enum Channels {
         from: usize,
         bands: Bands,
     },
-    /// The single value of each direction is multiplied by the factor of each wavelength.
+    /// One factor for each wavelength: the single value of a direction, multiplied by them, becomes a spectrum.
     Multiplied(Vec<f64>),
 }
 
 /// Conversion of measured values, `[outer, incoming, outgoing, spectral]`, to the directions and wavelengths of a
-/// tensor. The outer axis stays as it is.
+/// tensor. The outer axis, the product of all index axes before the directions, stays as it is.
 pub(super) struct Resampling {
     pub(super) outer: usize,
     pub(super) incoming: Directions,
@@ -102,8 +102,8 @@ impl Resampling {
         )
     }
 
-    /// Resamples `values` to the requested directions and wavelengths; NaN marks a masked sample. `missing` is true if
-    /// there may be NaN among `values`.
+    /// Resamples the measured `values`, `[outer, incoming, outgoing, spectral]`, to the requested directions and
+    /// wavelengths; NaN marks a masked sample. `missing` is true if there may be NaN among `values`.
     ///
     /// Besides the output it needs memory for one plane `[outgoing, spectral]` of samples. One task sums each output
     /// value in the order of the samples, so that the bits do not depend on the number of threads.
@@ -161,7 +161,7 @@ impl Resampling {
     }
 }
 
-/// Converts a value to float32, with one bit pattern of NaN for all masked samples.
+/// Converts a sample value to float32; all masked samples get the same bit pattern of NaN.
 fn sample(value: f64) -> f32 {
     if value.is_nan() { f32::NAN } else { value as f32 }
 }

@@ -381,6 +381,6 @@ fn a_lobe_beside_the_cells_is_refused_by_name() {
             [plain, beside].map(|settings| compress::compress(&measurement, &settings, &Silent).unwrap().bytes);
         let refused = dot(&plain, &beside).unwrap_err();
         assert_eq!(refused, AlgebraError::Lobe { at: 2 });
-        assert!(refused.to_string().starts_with("material 2 has a lobe beside its cells"));
+        assert!(refused.to_string().starts_with("material 2 has an analytic lobe beside its samples"));
     }
 }

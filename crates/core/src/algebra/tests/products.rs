@@ -95,8 +95,8 @@ fn one_is_the_neutral_factor() {
     }
 }
 
-/// Checks that the Haar basis has few coupling coefficients C(k; i, j). With a power of two samples, a fine function
-/// meets only a constant part of any coarser one, so that only k = j is nonzero.
+/// Checks that products of two Haar basis functions have few coefficients C(k; i, j) in the basis. With a power of two
+/// samples, a fine function j meets only a constant part of any coarser function i, so that only k = j is nonzero.
 #[test]
 fn couplings_of_haar_are_few() {
     let length = 64;

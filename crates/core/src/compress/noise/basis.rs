@@ -87,7 +87,8 @@ impl Place {
         Some(Basis { second, third, high })
     }
 
-    /// Coordinates of axis entries, scaled to about −1..1: one on a line, two in the tangent plane of triangles.
+    /// Returns the coordinates of the given axis entries in which polynomials are fitted to the samples, each scaled to
+    /// about −1..1: one on a line, two in the tangent plane of triangles.
     fn coordinates(&self, entries: &[usize]) -> Option<(Vec<f64>, Option<Vec<f64>>)> {
         match self {
             Self::Plane(mesh) => {
@@ -116,7 +117,7 @@ fn power(x: f64, exponent: i32) -> f64 {
     (0..exponent).fold(1.0, |product, _| product * x)
 }
 
-/// Shifts and scales values linearly to the interval −1..1.
+/// Shifts and scales values linearly, so that they span the interval −1..1.
 fn centred(values: &[f64]) -> Vec<f64> {
     let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)));
     let half = ((high - low) / 2.0).max(f64::MIN_POSITIVE);

@@ -44,8 +44,8 @@ impl<'a> AdaptiveLayer<'a> {
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs, last: RefCell::new(None) })
     }
 
-    /// Returns the coefficients for a quantiser setting (step and number of spectral vectors), from the cache if it was
-    /// the last.
+    /// Returns the coefficients for a quantiser setting (step and number of spectral vectors), from the cache if the
+    /// last call had the same setting.
     fn at(&self, fineness: Fineness) -> Rc<Coefficients> {
         if let Some((known, coefficients)) = &*self.last.borrow()
             && *known == fineness

@@ -109,7 +109,7 @@ impl Chart {
         self.columns.fill(&places.map(row), entries);
     }
 
-    /// Stride with which at most `most` of all direction pairs are visited.
+    /// Returns the stride between direction pairs with which at most `most` of them all are visited.
     fn stride(&self, most: usize) -> usize {
         // Odd, so that every position among siblings occurs.
         if self.rows() <= most { 1 } else { self.rows().div_ceil(most) | 1 }

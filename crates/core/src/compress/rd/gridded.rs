@@ -46,8 +46,8 @@ use rayon::prelude::*;
 use std::mem::replace;
 use std::sync::Arc;
 
-/// Largest natural logarithm of a negative sample's magnitude, lowered by two f32 steps; `None` without negative
-/// samples.
+/// Returns the largest natural logarithm of a negative sample's magnitude, lowered by two f32 steps; `None` without
+/// negative samples.
 fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     let negative = classes.iter().zip(values).filter(|(class, _)| **class == Class::Negative);
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
@@ -85,7 +85,8 @@ pub(super) struct Form {
     /// True to approximate negative samples as exactly as positive ones, false to give them a predicted magnitude that
     /// is at most the largest magnitude of a negative sample.
     pub(super) weighs_negative: bool,
-    /// True to predict details by adaptive least squares in addition to the fixed filters.
+    /// True to predict details (differences of merged neighbours) by adaptive least squares in addition to the fixed
+    /// filters.
     pub(super) learns: bool,
     pub(super) model: Behind,
     /// Typical quantiser step of the values (natural logarithms or samples) at which the costs of coding are compared,
@@ -97,7 +98,8 @@ pub(super) struct Form {
 pub(crate) struct GridLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
-    /// Upper bound on the logarithms of negative samples' magnitudes.
+    /// Largest logarithm of a negative sample's magnitude that decodes; larger ones are lowered to it. `None` without
+    /// such a bound.
     negative_bound: Option<f32>,
     form: Form,
     planes: Planes,

@@ -32,7 +32,7 @@ pub(crate) trait FirstLayer {
     /// Basis change applied along each axis of the measurement: wavelets on a line, a basis on triangles, or the
     /// identity.
     fn transforms(&self) -> &[AxisTransform];
-    /// Basis on the wavelength axis.
+    /// Returns the basis in which samples are expanded along the wavelength axis.
     fn basis(&self) -> SpectralBasis;
     /// Returns true if samples on triangles are coded by prediction rather than by a transform.
     fn is_predicted(&self) -> bool {
@@ -181,7 +181,7 @@ pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
     basis.transform_of(axis, SphereBasis::Orthonormal(Weights::Count))
 }
 
-/// Total payload bytes of the chunks.
+/// Returns the number of bytes in the payloads of all given chunks together.
 pub(super) fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
     chunks.iter().map(|(_, payload)| payload.len()).sum()
 }

@@ -86,9 +86,10 @@ impl<'a> LevelIndex<'a> {
         let brightness = r.take(brightness, "brightness of the levels")?;
         let behind = length.saturating_sub(r.offset() - start);
         match entries.last() {
-            Some(last) if last.end > behind => {
-                Err(r.malformed(format!("the levels need {} bytes, but {behind} follow", last.end)))
-            }
+            Some(last) if last.end > behind => Err(r.malformed(format!(
+                "the coarser levels need {} bytes behind their table, but the pyramid chunk has {behind} there",
+                last.end
+            ))),
             _ => Ok(Self { entries, brightness }),
         }
     }
@@ -247,7 +248,10 @@ pub(crate) fn level_samples(
         finest.at(level).brighten(&index.steps(usize::from(level), representatives), &orbits, &mut samples);
     }
     if classes.is_none() && samples.iter().any(|s| s.is_nan()) {
-        return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
+        return Err(CodecError::Malformed {
+            at: 0,
+            reason: "a decoded sample is not a number, although the file masks no samples".to_owned(),
+        });
     }
     Ok(samples)
 }

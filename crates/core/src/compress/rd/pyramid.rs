@@ -209,7 +209,8 @@ fn step_at(step: f32, below: usize) -> f32 {
     step / (1_u32 << below) as f32
 }
 
-/// Inputs for coding the details of one pyramid level of one spectral channel.
+/// Inputs for coding the details (differences of triangles from their parents) of one pyramid level of one spectral
+/// channel.
 struct Plane<'a> {
     pyramid: &'a Pyramid,
     level: usize,

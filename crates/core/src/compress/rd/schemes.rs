@@ -43,7 +43,7 @@ pub(super) enum Scheme {
         shape: GridShape,
         /// True to code principal components of the spectra, false to code channel by channel.
         klt: bool,
-        /// True to predict by adaptive least squares in addition to the fixed filters.
+        /// True to predict differences of neighbours by adaptive least squares in addition to the fixed filters.
         learns: bool,
         /// Scattering model that is subtracted before the residual is coded.
         model: Behind,
@@ -150,8 +150,9 @@ fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plan
         .collect()
 }
 
-/// Returns true if the last axis of the tensor holds triangles, a grid of directions, colour channels, or a few
-/// numbered entries (at most `MOST_INDICES`); false for wavelengths, polar angles and more numbered entries.
+/// Returns true if principal components along the last axis of the tensor take few numbers or none: for triangles, a
+/// grid of directions, colour channels or at most `MOST_INDICES` numbered entries. For wavelengths, polar angles and
+/// more numbered entries they take many.
 fn short(axes: &[Axis]) -> bool {
     axes.last().is_some_and(|axis| match axis {
         Axis::Triangles(_) | Axis::Grid(_) | Axis::Rgb => true,

@@ -104,7 +104,9 @@ impl Basis {
         let (rank, coarse) = if most > MAX_RANK {
             let coarse = r.u8("coarseness of basis vectors")?;
             if coarse > COARSEST {
-                return Err(r.malformed(format!("coarseness {coarse} of basis vectors, expected 0 to {COARSEST}")));
+                return Err(
+                    r.malformed(format!("the coarseness of the spectral basis is {coarse}, expected 0 to {COARSEST}"))
+                );
             }
             (usize::from(first), coarse)
         } else {
@@ -112,7 +114,7 @@ impl Basis {
         };
         let most = most.min(length);
         if rank == 0 || rank > most {
-            return Err(r.malformed(format!("{rank} basis vectors, expected 1 to {most}")));
+            return Err(r.malformed(format!("the spectral basis has {rank} vectors, expected 1 to {most}")));
         }
         let steps = steps(step, count, coarse, r.take(rank, "spreads of basis vectors")?);
         let rest = r.take(r.remaining(), "basis")?;
@@ -132,7 +134,8 @@ impl Basis {
         self.mean.len() * (self.vectors.len() + 1)
     }
 
-    /// Projects every spectrum, less the mean, on every basis vector: ⟨spectrum − mean, vector⟩.
+    /// Returns the coefficients of every spectrum in the spectral basis: its projections, less the mean spectrum, on the
+    /// basis vectors, ⟨spectrum − mean, vector⟩.
     pub(super) fn analyse(&self, logs: &[f32]) -> Vec<f32> {
         let (n, r) = (self.mean.len(), self.vectors.len());
         let mut planes = vec![0.0; logs.len() / n * r];

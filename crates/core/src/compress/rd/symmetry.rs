@@ -41,7 +41,8 @@ struct Moves {
 }
 
 impl Moves {
-    /// Computes the images of a domain's triangles under a symmetry; `None` if these leave the domain.
+    /// Computes the images of the triangles of a domain (sphere or hemisphere) under a symmetry; `None` if these lie
+    /// outside of the domain.
     fn of(symmetry: Symmetry, domain: Domain) -> Option<Self> {
         let children = symmetry.permutation(TriangleMesh::new(domain, 1)?)?;
         let base = |four: &[u32]| {
@@ -100,8 +101,8 @@ pub(crate) struct Group {
 #[derive(Clone, Debug)]
 struct BlockAxis {
     length: usize,
-    /// Level and, for each member of the symmetry group, images of the triangles; `None` if this is not a triangle
-    /// axis.
+    /// Subdivision level of the triangle mesh, and images of its triangles under each member of the symmetry group;
+    /// `None` if the entries of this axis are not triangles.
     moves: Option<(u8, Vec<Moves>)>,
 }
 

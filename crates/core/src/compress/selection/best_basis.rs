@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Method of choosing a given number of coefficients in a basis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// The largest coefficients are chosen, and keep their values.
+    /// The largest coefficients of the spectrum are chosen, and keep their values.
     Largest,
     /// The largest coefficients of the spectrum are chosen, and their values refitted for the least relative RMS error
     /// er(L2).
@@ -22,7 +22,7 @@ pub enum Choice {
 /// Basis of a spectrum with its approximation by few terms and the error of this.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranked {
-    /// Name of the basis.
+    /// Name of the basis in which the spectrum is approximated.
     pub basis: String,
     /// Approximation of the spectrum by the chosen number of functions of the basis `basis`.
     pub approximation: Approximation,

@@ -9,7 +9,7 @@ use crate::transform::{AxisTransform, Plan, PlanError};
 pub struct Dictionary {
     name: String,
     length: usize,
-    /// Analysis matrix: row k holds the weights of coefficient k.
+    /// Analysis matrix: row k holds the weights of the samples in coefficient k.
     analysis: Vec<f64>,
     /// Synthesis matrix: row k holds the function that coefficient k multiplies.
     atoms: Vec<f64>,
@@ -43,7 +43,7 @@ impl Dictionary {
         self.length
     }
 
-    /// Synthesis function of coefficient `k`.
+    /// Returns the samples of the synthesis function that coefficient `k` multiplies.
     ///
     /// # Panics
     /// If `k` is out of range.

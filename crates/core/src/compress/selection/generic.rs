@@ -55,12 +55,12 @@ struct Space {
 pub struct Search {
     /// Threshold on coefficients for each axis, outermost first; 0 drops nothing.
     pub thresholds: Vec<f64>,
-    /// Number of coefficients above the thresholds.
+    /// Number of transform coefficients that the thresholds keep.
     pub kept: usize,
     /// Error of the decoded samples, for example the relative RMS error; the caller of the threshold search supplies
     /// the measure.
     pub error: f64,
-    /// Coefficients with the dropped ones set to 0.
+    /// All transform coefficients of the samples, with those that the thresholds drop set to 0.
     pub coefficients: Vec<f32>,
     /// Samples reconstructed from the kept coefficients.
     pub decoded: Vec<f32>,
@@ -74,8 +74,9 @@ const RATIOS: [f64; 8] = [1.0 / 16.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0]
 const REFINEMENTS: [f64; 2] = [0.5, 2.0];
 
 impl GenericTransform {
-    /// Transforms `samples` axis after axis, and computes the norm of every coefficient in the counting measure of
-    /// er(L2). If `normalised`, a coefficient is weighted by the norm of its synthesis function, otherwise not.
+    /// Transforms `samples` axis after axis, and computes the norms of the coefficients for a later choice by
+    /// thresholds. If `normalised`, a coefficient is weighted by the norm of its synthesis function, with all samples
+    /// weighted alike; otherwise it is not weighted.
     pub fn new(
         axes: &[Axis],
         transforms: &[AxisTransform],
@@ -101,12 +102,12 @@ impl GenericTransform {
         Ok(Self { plan, coefficients, spaces, spread })
     }
 
-    /// Coefficients after all axes are transformed, in the order of the transform plan.
+    /// Returns the coefficients of the samples after the transforms along all axes, in the order of the transform plan.
     pub fn coefficients(&self) -> &[f32] {
         &self.coefficients
     }
 
-    /// Transform plan that produced the coefficients.
+    /// Returns the transforms along all axes that turn the samples into these coefficients.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
@@ -256,8 +257,8 @@ fn spread(row: &[f32]) -> f32 {
     (high - low).max(0.0).sqrt()
 }
 
-/// Threshold above which `count` values lie, fewer if the next ones are equal; it is half way between two neighbouring
-/// values.
+/// Returns a threshold above which `count` of the values lie, fewer if the next ones are equal. It is half way between
+/// two neighbouring values, and 0 if all are to lie above it.
 fn threshold_of(values: &[f32], count: usize) -> f32 {
     if count >= values.len() {
         return 0.0;

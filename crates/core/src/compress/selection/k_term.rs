@@ -10,9 +10,9 @@ use crate::numeric::orthogonal::{take_away, take_away_twice};
 /// Approximation of a spectrum by few basis functions: their numbers, their coefficients, and the resulting samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approximation {
-    /// Indices of the selected functions within the basis.
+    /// Indices, within the basis, of the selected basis functions.
     pub kept: Vec<usize>,
-    /// Coefficient of each selected basis function.
+    /// Coefficients of the selected basis functions, in the order of `kept`.
     pub coefficients: Vec<f64>,
     /// Approximated samples: sum of the selected basis functions times their coefficients.
     pub samples: Vec<f64>,

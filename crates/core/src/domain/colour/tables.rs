@@ -63,7 +63,7 @@ pub struct Observer {
 pub enum TableError {
     /// The axes of the table are neither wavelengths alone nor numbered columns followed by wavelengths.
     #[error(
-        "the table has axes {}, expected wavelengths as the last axis",
+        "the table has axes {}, expected wavelengths, or numbered columns and then wavelengths",
         axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × ")
     )]
     Axes {
@@ -75,7 +75,7 @@ pub enum TableError {
     Column {
         /// Requested column of the table, counted from 0.
         found: usize,
-        /// Number of columns of the table.
+        /// Number of columns of the table from which a function of wavelength was to be read.
         columns: usize,
     },
     /// No column of the table has the requested name or number.
@@ -83,19 +83,19 @@ pub enum TableError {
     ColumnName {
         /// First 40 characters of the requested column name.
         found: String,
-        /// Number of columns of the table.
+        /// Number of columns of the table from which a function of wavelength was to be read.
         columns: usize,
     },
     /// The table has several columns, and the request selects none.
     #[error("the table has {columns} columns, expected one, or the name of the column to use")]
     SeveralColumns {
-        /// Number of columns of the table.
+        /// Number of columns of the table from which a function of wavelength was to be read.
         columns: usize,
     },
     /// A table of colour-matching functions does not have three columns.
     #[error("the observer table has {columns} columns over wavelength, expected 3: x, y and z")]
     ObserverColumns {
-        /// Number of columns of the table.
+        /// Number of columns of the table of colour-matching functions.
         columns: usize,
     },
     /// A colour-matching function is nowhere above 0.

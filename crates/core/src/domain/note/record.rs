@@ -26,17 +26,18 @@ pub struct Note {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NoteKind {
-    /// A value that the file does not state was assumed.
+    /// Remark that a value was assumed which the file does not state.
     Assumed,
-    /// Values that the file does not contain were supplied.
+    /// Remark that values were supplied which the file does not contain.
     Filled,
-    /// A part of the file was not used.
+    /// Remark that a part of the file was not used.
     Skipped,
-    /// Something in the file or in its values may be wrong, and the user should look at it.
+    /// Remark that something in the file or in its values may be wrong, and that the user should look at it.
     Warning,
-    /// A check of the values against physics found, for example, an albedo above 1; the user should judge the result.
+    /// Remark that a check of the values against physics found, for example, an albedo above 1; the user should judge
+    /// the result.
     Checked,
-    /// The program chose axes, a resolution or a fit, and gives its reason.
+    /// Remark that the program chose axes, a resolution or a fit, with its reason.
     Chosen,
 }
 

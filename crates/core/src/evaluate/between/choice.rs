@@ -94,15 +94,15 @@ fn candidates(divisors: &[Divisor], retro: bool) -> Vec<Between> {
     of_order(false).chain(of_order(true)).collect()
 }
 
-/// Returns the first candidate interpolation nearly as good as the best, and its leave-one-out error without the
-/// samples' noise.
+/// Returns the first candidate interpolation whose leave-one-out error is nearly the least, and that error. Errors are
+/// compared after the contribution of noise in the samples is subtracted.
 fn best(ways: Vec<(Between, Errors)>) -> Option<(Between, f64)> {
     let least = ways.iter().map(|(_, error)| error.without_noise).fold(f64::INFINITY, f64::min);
     let good = ways.into_iter().find(|(_, error)| error.without_noise <= NEARLY_BEST * least + SAME);
     good.map(|(way, error)| (way, error.without_noise))
 }
 
-/// Averages a measurement over wavelengths; masked samples are skipped.
+/// Replaces each spectrum of a measurement by its mean over wavelengths; masked samples are skipped.
 fn grey(measurement: &Measurement, lambdas: usize) -> Result<Measurement, EvaluateError> {
     let axes = measurement.tensor.axes();
     let has_spectrum = measurement.layout()?.spectral.is_some();

@@ -105,7 +105,8 @@ fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
     (square / count - (sum / count) * (sum / count)).max(0.0)
 }
 
-/// Measured light around the mirror direction of each incoming direction, and over the whole hemisphere.
+/// Returns the measured light to which the microfacet model is fitted: in outgoing directions around the mirror
+/// direction of each incoming direction, and over the whole hemisphere.
 fn seen(tables: &Tables<'_>) -> Vec<Seen> {
     let incidences = tables.incidences();
     let step = incidences.len().div_ceil(INCIDENCES).max(1);
@@ -126,7 +127,7 @@ fn seen(tables: &Tables<'_>) -> Vec<Seen> {
     seen
 }
 
-/// Half vectors around the normal, at fixed slopes and azimuths.
+/// Returns the half vectors around the normal at which the microfacet model is fitted.
 fn half_vectors() -> impl Iterator<Item = Vector> {
     let azimuths =
         (0..AZIMUTHS).map(|k| libm::sincos(std::f64::consts::TAU * (f64::from(k) + 0.25) / f64::from(AZIMUTHS)));

@@ -17,7 +17,7 @@ const INCIDENCES: usize = 96;
 /// beside a lobe do not outweigh all others.
 const MOST_ERROR: f64 = 50.0;
 
-/// Errors over all measured incoming directions, each predicted from the others (leave-one-out).
+/// Leave-one-out errors of interpolation: each measured incoming direction is predicted from the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Errors {
     /// Root mean square of the relative error, er(L2).
@@ -30,9 +30,9 @@ pub(super) struct Errors {
     pub(super) moved: f64,
 }
 
-/// Sums over outgoing directions under one incoming direction whose values are predicted from the others: count,
-/// squared relative error, its expected part due to noise in the samples, absolute error times |cos θo|, and value
-/// times |cos θo|.
+/// Sums over outgoing directions under one incoming direction whose values are predicted from the others: number of
+/// directions, squared relative error, its expected part due to noise in the samples, absolute error times |cos θo|,
+/// and value times |cos θo|.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     count: f64,

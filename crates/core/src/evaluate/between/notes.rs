@@ -4,10 +4,10 @@ crate::declare_notes! {
     /// Notes (warnings in reports) on incoming directions that are too sparse for a lobe.
     IncidenceNote {
         Warning LightMoved { light_percent: f64 } =>
-            "incoming directions are too sparse for the lobe: between them about {light_percent:.0} % of its light is \
-             expected in the wrong place";
+            "incoming directions are too sparse for the lobe: between measured ones about {light_percent:.0} % of its \
+             light is expected in the wrong direction";
         Warning ErrorBetween { expected_percent: f64, promised_percent: f64 } =>
-            "incoming directions are too sparse for the lobe: between them er(L2) is expected to be about \
-             {expected_percent:.1} %, at them it is {promised_percent:.2} %";
+            "incoming directions are too sparse for the lobe: between measured ones a root mean square relative \
+             error of about {expected_percent:.1} % is expected, at them {promised_percent:.2} %";
     }
 }

@@ -14,7 +14,7 @@ const BETWEEN: f64 = 0.25;
 /// of three wavelengths, over outgoing directions to 80° from the normal.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LeftOut {
-    /// Root mean square relative error er(L2) at the left-out incoming directions.
+    /// Root mean square relative error er(L2) of the predictions at the left-out incoming directions.
     pub er_l2: f64,
     /// Root mean square relative error er(L2) expected between measured incoming directions: a quarter of the
     /// leave-one-out error, without the noise of the samples.

@@ -117,7 +117,8 @@ impl<'a> Tables<'a> {
         }
     }
 
-    /// Other incoming directions that predict incoming direction `node`, with weights; `None` at the ends of the axis.
+    /// Other incoming directions, with weights, from which values under incoming direction `node` are predicted in a
+    /// leave-one-out test; `None` at the rim of the measured directions.
     pub(super) fn others(&self, node: usize) -> Option<Others> {
         let axes = self.geometry.axes();
         match self.geometry.layout().incoming.map(|axis| &axes[axis]) {
@@ -132,16 +133,16 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// Neighbours below and above angle number `node`, with the weights of linear interpolation at that angle; `None` at
-/// the ends.
+/// Neighbours, below and above, of angle number `node` in a list, with the weights of linear interpolation between them
+/// at that angle; `None` at the ends of the list.
 fn between(angles: &[f64], node: usize) -> Option<[(usize, f32); 2]> {
     let (below, above) = (angles.get(node.checked_sub(1)?)?, angles.get(node + 1)?);
     let t = ((angles[node] - below) / (above - below)) as f32;
     Some([(node - 1, 1.0 - t), (node + 1, t)])
 }
 
-/// Two angles below and two above angle number `node`, with the weights of a cubic at that angle. `t` is the weight
-/// that linear interpolation gives the neighbour above.
+/// Neighbours, up to two below and two above, of angle number `node` in a list, with their weights in a cubic at that
+/// angle. `t` is the weight that linear interpolation gives the neighbour above.
 fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
     let rest: Vec<f64> = angles.iter().enumerate().filter(|(k, _)| *k != node).map(|(_, angle)| *angle).collect();
     let (entries, weights) = Cubic::new(&rest).around(node - 1, t);
@@ -149,8 +150,8 @@ fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
     restored.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect()
 }
 
-/// Neighbours of a grid direction along the polar angle, with interpolation weights; at the ends of the polar angle,
-/// neighbours in azimuth.
+/// Directions, with weights, from which values at grid direction `entry` are predicted in a leave-one-out test:
+/// neighbours along the polar angle, or in azimuth at the first and last polar angle.
 fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Others> {
     let [_, columns] = grid.shape();
     let (row, column) = (entry / columns, entry % columns);

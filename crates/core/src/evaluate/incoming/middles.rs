@@ -110,7 +110,8 @@ impl Nodes {
     }
 }
 
-/// Mean of several lists of weights, merged by the number of the sampled incoming direction.
+/// Returns the mean of several lists of weights. Each weight belongs to the number of a sampled incoming direction;
+/// weights of equal numbers are added.
 fn mean<const COUNT: usize>(all: [Entries; COUNT]) -> Entries {
     let mut sums: Entries = Vec::new();
     for (entry, weight) in all.into_iter().flatten() {

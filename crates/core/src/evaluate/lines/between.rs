@@ -11,8 +11,8 @@ use wide::f32x4;
 const SIDE: usize = 4;
 
 impl Lines {
-    /// Writes the whole spectrum interpolated between the samples that `found` lists. `straight`, 0..=1, is the
-    /// fraction of linear interpolation; the rest is cubic interpolation of logarithms.
+    /// Writes the whole spectrum interpolated between the samples that `found` lists. Linear interpolation has the
+    /// weight `straight`, 0..=1, in each value, and cubic interpolation of logarithms has the rest of the weight.
     #[inline]
     pub(super) fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
         if let [out] = out {
@@ -25,7 +25,8 @@ impl Lines {
     }
 
     /// Interpolates between the samples that `found` lists, at one wavelength, or at four from index `lambda` on.
-    /// `share`, 0..=1, is the fraction of linear interpolation; the rest is cubic interpolation of logarithms.
+    /// Linear interpolation has the weight `share`, 0..=1, and cubic interpolation of logarithms has the rest of the
+    /// weight.
     #[inline(always)]
     pub(super) fn samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         match &found.between {
@@ -42,8 +43,8 @@ impl Lines {
     }
 
     /// Interpolates the samples around a query, listed by `found`, linearly between incoming directions, at one
-    /// wavelength or at four from number `lambda` on. Over outgoing directions, linear interpolation has the fraction
-    /// `share`, 0 to 1, and cubics of logarithms have the rest.
+    /// wavelength or at four from number `lambda` on. Over outgoing directions, linear interpolation has the weight
+    /// `share`, 0 to 1, and cubic interpolation of logarithms has the rest of the weight.
     #[inline(always)]
     fn mixed_samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         let mut sums = Sums::nothing();
@@ -161,7 +162,7 @@ impl Lines {
     }
 
     /// Reads the stored values (samples or their logarithms) at the four grid directions that enclose an outgoing
-    /// direction, row by row. They are the middle ones of the 4 × 4 around it.
+    /// direction, row by row. These four are in the middle of the 4 × 4 samples in `patch`.
     #[inline(always)]
     fn middle<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> [T; 4] {
         let number = |r: usize, column: usize| self.values.numbers::<T>(table, patch.place(r, column), lambda);

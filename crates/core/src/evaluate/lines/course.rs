@@ -16,8 +16,8 @@ pub(super) struct Course {
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// Search result for one query, as interpolation between measured incoming directions needs it if it is cubic or if
-/// samples are first divided by a model.
+/// Search result for one query, for interpolation between measured incoming directions that is cubic or that first
+/// divides samples by a model.
 #[derive(Clone, Debug)]
 pub(super) struct FoundBetween {
     /// Logarithms of the divisor (model divided out before interpolation) at the measured incoming directions around

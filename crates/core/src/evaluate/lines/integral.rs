@@ -14,8 +14,9 @@ const POINTS: [[f64; 2]; 4] = [
 impl Lines {
     /// Writes ∫ f dω over outgoing directions for one combination of indices (positions on the axes before the
     /// directions) into `out`, one number for each wavelength. The domain is the part of the sphere that the grid
-    /// covers; masked directions count as dark. `straight`, 0..=1, is the fraction of linear interpolation; the rest is
-    /// cubic interpolation of logarithms. For linear interpolation the quadrature is exact up to rounding.
+    /// covers; masked directions count as dark. In a value of f, linear interpolation has the weight `straight`, 0..=1,
+    /// and cubic interpolation of logarithms has the rest. For linear interpolation alone the quadrature is exact up to
+    /// rounding.
     pub(in crate::evaluate) fn integrate(&self, entry: usize, straight: f32, out: &mut [f64]) {
         out.fill(0.0);
         let Some(sphere) = &self.outgoing else { return };

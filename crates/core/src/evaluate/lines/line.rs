@@ -61,7 +61,7 @@ pub(super) struct Along {
 }
 
 impl Along {
-    /// Weights that select the second of four samples alone.
+    /// Interpolation weights of four samples around an angle: 1 for the second sample, 0 for the others.
     pub(super) const START: Self = Self { cubic: [0.0, 1.0, 0.0, 0.0], t: 0.0 };
 }
 
@@ -120,7 +120,8 @@ impl Line {
         ([*one, *two], t)
     }
 
-    /// Interval that contains an angle, and the position of the angle in it, from 0 at the start to 1 at the end.
+    /// Returns the interval between measured angles that contains `angle`, and the position of `angle` in it, from 0 at
+    /// the start to 1 at the end.
     #[inline(always)]
     fn find(&self, angle: f64) -> (&Interval, f64) {
         let angle = if self.is_circle {

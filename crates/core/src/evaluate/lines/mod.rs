@@ -52,7 +52,7 @@ enum Kind {
 }
 
 impl Incoming {
-    /// Incoming directions of data without an incoming axis: none.
+    /// Empty list of incoming directions, for data without an incoming axis.
     pub(super) const NONE: Self = Self(Kind::None);
 
     /// Incoming directions given by elevations in degrees, at azimuth 0.
@@ -83,13 +83,14 @@ pub(super) struct Lines {
     origins: Vec<Origin>,
     outgoing: Option<Box<Sphere>>,
     values: Values,
-    /// Fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
+    /// Weight, 0..=1, of linear interpolation of samples in an interpolated value. Cubic interpolation of logarithms
+    /// has the rest of the weight.
     straight: f32,
     domain: Domain,
     alignment: Alignment,
-    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
-    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
-    /// their shape.
+    /// Candidate rules by which lobes follow the incoming direction, each with the change of the function's shape under
+    /// it. That is the standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the material's function at
+    /// aligned outgoing directions under neighbouring incoming directions; it is 0 if lobes keep their shape.
     changes: Vec<(Alignment, f64)>,
     /// Interpolation between incoming directions with a divisor (model divided out before interpolation) or a cubic;
     /// `None` if it is linear in logarithms.
@@ -181,17 +182,19 @@ impl Lines {
         }
     }
 
-    /// Sets the fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
+    /// Sets the weight, 0..=1, of linear interpolation of samples in an interpolated value. Cubic interpolation of
+    /// logarithms has the rest of the weight.
     pub(super) fn with_straight(self, straight: f32) -> Self {
         Self { straight, ..self }
     }
 
-    /// Fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
+    /// Returns the weight, 0..=1, of linear interpolation of samples in an interpolated value. Cubic interpolation of
+    /// logarithms has the rest of the weight.
     pub(super) fn straight(&self) -> f32 {
         self.straight
     }
 
-    /// Alignment of lobes for interpolation between incoming directions.
+    /// Returns the rule by which lobes follow the incoming direction in interpolation.
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
@@ -201,9 +204,9 @@ impl Lines {
         self.domain
     }
 
-    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
-    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
-    /// their shape.
+    /// Candidate rules by which lobes follow the incoming direction, each with the change of the function's shape under
+    /// it. That is the standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the material's function at
+    /// aligned outgoing directions under neighbouring incoming directions; it is 0 if lobes keep their shape.
     pub(super) fn changes(&self) -> &[(Alignment, f64)] {
         &self.changes
     }
@@ -313,7 +316,7 @@ impl Lines {
     }
 
     /// Interpolates the value at the first wavelength, or at the first four wavelengths, for a pair of directions;
-    /// `None` if `wi` is outside the measured incoming directions. The lookup stays in registers.
+    /// `None` if `wi` is outside the measured incoming directions. Search results stay in processor registers.
     #[inline(always)]
     fn smooth_samples<T: Number>(&self, entry: usize, wi: Vector, wo: Vector) -> Option<T> {
         let nodes = self.nodes(wi)?;

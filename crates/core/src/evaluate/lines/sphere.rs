@@ -56,7 +56,7 @@ impl Patch {
         Self { rows: [place; 4], sides: [0; 4], columns: [[0; 4]; 2], along: [Along::START; 2], across: Along::START }
     }
 
-    /// Interpolation weights over the azimuth, at one of the four polar angles around a direction.
+    /// Returns the interpolation weights over the azimuth in row `row` of the 4 × 4 samples around a direction.
     #[inline(always)]
     pub(super) fn along(&self, row: usize) -> &Along {
         &self.along[usize::from(self.sides[row] & 1)]

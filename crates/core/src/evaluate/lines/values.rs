@@ -115,7 +115,7 @@ impl Values {
     }
 }
 
-/// Mean of the samples that are not masked; NaN if all are.
+/// Returns the mean of the samples that are not masked; NaN if all samples are masked.
 fn mean(samples: impl Iterator<Item = f32>) -> f64 {
     let (sum, count) = samples
         .filter(|sample| !sample.is_nan())

@@ -16,7 +16,7 @@ const ROUNDING: f64 = 1e-6;
 /// quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EnergyReport {
-    /// Measured quantity.
+    /// Radiometric quantity of the material, such as `brdf`.
     pub quantity: Quantity,
     /// Albedo of a BRDF, BTDF or BSDF.
     pub albedo: Option<AlbedoReport>,
@@ -196,7 +196,7 @@ fn verdict(excess: f64, bound: f64) -> Verdict {
     }
 }
 
-/// Mean of the values that are not masked; 0 if all are.
+/// Returns the mean of the values that are not masked (NaN); 0 if all values are masked.
 fn mean(values: &[f32]) -> f64 {
     let known = values.iter().filter(|v| !v.is_nan());
     let (sum, count) = known.fold((0.0, 0_u64), |(sum, count), &v| (sum + f64::from(v), count + 1));

@@ -61,17 +61,23 @@ impl Material {
     fn luminous(&self, row: &[f32], total: Option<f64>) -> Result<f64, String> {
         let watts = match self.unit() {
             Unit::Candela | Unit::CandelaPerKilolumen => {
-                return total.ok_or_else(|| "candela by wavelength or masked in every direction".to_owned());
+                return total.ok_or_else(|| {
+                    "the intensity in candela depends on wavelength or is masked in every direction".to_owned()
+                });
             }
             Unit::WattPerSteradianNanometre => 1.0,
             Unit::MilliwattPerSteradianNanometre => 1e-3,
             Unit::MicrowattPerSteradianNanometre => 1e-6,
-            unit => return Err(format!("the unit is {unit}, expected cd, cd/klm or watts per sr and nm")),
+            unit => return Err(format!("the unit is {unit}, expected an intensity in cd, cd/klm or W/(sr nm)")),
         };
-        let grid = self.geometry().grid().ok_or_else(|| "no wavelengths".to_owned())?;
+        let grid = self.geometry().grid().ok_or_else(|| "the intensity has no wavelengths".to_owned())?;
         let weights = Tristimulus::emission(grid).map_err(|error| error.to_string())?;
         let luminous = watts * weights.xyz(row).y;
-        if luminous.is_nan() { Err("a wavelength is masked in every direction".to_owned()) } else { Ok(luminous) }
+        if luminous.is_nan() {
+            Err("the intensity at a wavelength is masked in every direction".to_owned())
+        } else {
+            Ok(luminous)
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use serde::Serialize;
 /// makes reports more exact and slower.
 const MOST_PAIRS: usize = 1 << 17;
 
-/// Deviation of a material from f(wi, wo) = f(wo, wi), by smooth evaluation.
+/// Report on reciprocity: differences between f(wi, wo) and f(wo, wi) in smooth evaluation of a material.
 ///
 /// Each incoming entry is paired with the centroid of each outgoing cell on the same side of the surface. Both
 /// directions must be in both domains, and the outgoing elevation between the ends of a list of incoming ones. The

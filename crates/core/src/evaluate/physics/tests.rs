@@ -118,7 +118,7 @@ fn btdf() -> Measurement {
     two(Quantity::Btdf, axes.0, axes.1, axes.2, |wi, wo, _| 0.2 * (1.0 + wi[2] * wo[2].abs()) / PI)
 }
 
-/// Rough positive test samples, some of which are exactly 0.
+/// Test samples that vary irregularly with `i`: about one in ten is 0, the others are positive.
 fn rough(i: usize) -> f32 {
     let x = (i.wrapping_mul(2_654_435_761) >> 7) % 61;
     if x < 6 { 0.0 } else { x as f32 / 30.0 }
@@ -216,7 +216,8 @@ fn too_bright_a_measurement_is_named() {
     assert_ne!(within.verdict, Verdict::Broken, "{within:?}");
 }
 
-/// Measures the effect of interpolation over outgoing directions on the albedo, at the sampled incoming directions.
+/// Tests that interpolation over outgoing directions changes the albedo at the sampled incoming directions by less than
+/// a tolerance.
 #[test]
 fn the_smooth_form_has_the_albedo_of_the_constant_one() {
     for (alpha, incoming, tolerance) in [
@@ -676,7 +677,7 @@ fn refusals_name_their_reason() {
     let symmetric = |place, scratch: usize| {
         brdf.symmetric_spectrum(place, Interpolation::Smooth, Mean::Arithmetic, &mut vec![0.0; scratch], &mut [0.0; 3])
     };
-    is_unfit(symmetric(place(up, up), 2), "scratch of 2 samples, expected 3");
+    is_unfit(symmetric(place(up, up), 2), "scratch space of 2 samples, expected 3");
     is_unfit(symmetric(Place { wo: Some(up), ..Place::default() }, 3), "no wi was given");
     is_unfit(symmetric(Place { wi: Some(up), ..Place::default() }, 3), "no wo was given");
     let broken = Material::open_prepared(b"nothing", Preparation::default());

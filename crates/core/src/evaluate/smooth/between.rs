@@ -11,8 +11,7 @@ use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
 use wide::f32x4;
 
-/// Lower bound on cos θo, by which the upper bound on values past the last measured polar angle of incidence is
-/// divided.
+/// Lower bound on the divisor cos θo in the upper bound on values past the last measured polar angle of incidence.
 const LEAST_COSINE: f32 = 1e-3;
 /// Tolerance on the cosine within which a polar angle of incidence counts as equal to the last measured one.
 const ROUNDING: f64 = 1e-9;
@@ -33,9 +32,10 @@ impl Smooth {
         course.last = Some((last[2], peaks.collect()));
     }
 
-    /// Spectral coefficients at the outgoing direction `d` under the incoming direction `wi` of an interpolation node
-    /// between sampled ones, from the sampled directions' tables from number `first` on. A fit to these gives way to a
-    /// mean where one of the fit's directions has no light, or where lobes moved to it reach the horizon.
+    /// Returns the spectral coefficients at the outgoing direction `d` under the incoming direction `wi` of an
+    /// interpolation node between sampled ones. They come from the tables of the sampled directions, the first of which
+    /// has number `first`. A fit to these tables gives way to a mean of them if one of the fit's directions has no
+    /// light, or if lobes moved to it reach the horizon.
     pub(super) fn made_between(
         &self,
         course: &Course,

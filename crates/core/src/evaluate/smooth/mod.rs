@@ -111,7 +111,7 @@ impl SeenBlock {
 }
 
 impl Smooth {
-    /// Interpolation nodes over incoming directions.
+    /// Returns the interpolation nodes over incoming directions.
     #[inline(always)]
     pub(super) fn nodes(&self) -> &Nodes {
         &self.nodes
@@ -122,7 +122,7 @@ impl Smooth {
         self.course.as_ref().map_or_else(Between::default, |course| course.stated())
     }
 
-    /// Domain of outgoing directions.
+    /// Returns the domain of the function's outgoing directions.
     pub(super) fn domain(&self) -> Domain {
         self.domain
     }
@@ -163,7 +163,7 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// Spectral coefficients at `wo` under an incoming interpolation node.
+    /// Returns the spectral coefficients at `wo` under the incoming interpolation node number `node`.
     pub(super) fn under(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
         self.looked_up(entry * self.node_count + node, wo)
     }
@@ -211,8 +211,8 @@ impl Smooth {
         self.gather(around.count, self.tables(entry, [a, b, c]), [&patches; 3], [0, 1, 2], [u, v, w])
     }
 
-    /// Writes the interpolated spectral coefficients of the first `to.len()` queries of a block: first all are looked
-    /// up, then all are summed.
+    /// Writes the interpolated spectral coefficients of the first `to.len()` queries of a block. First it finds the
+    /// interpolation nodes of all these queries, then it sums the coefficients at the nodes.
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;

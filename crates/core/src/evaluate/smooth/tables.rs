@@ -20,7 +20,7 @@ const CORRECTIONS: usize = 2;
 /// triangle's average logarithm (mean over wavelengths). Larger corrections come from triangles in which the function
 /// is too steep for the second-order estimate.
 const LARGEST_CORRECTION: f64 = 0.5;
-/// Leave-one-out error below which the function of one incoming direction, rotated with `wi`, represents all incoming
+/// Leave-one-out error below which the tables of a single incoming direction, rotated with `wi`, serve for all incoming
 /// directions.
 const ALIKE: f64 = 2e-3;
 /// Maximum number of spectral coefficients in all tables for smooth interpolation; beyond it there is no smooth
@@ -100,8 +100,8 @@ impl Smooth {
         Some(smooth)
     }
 
-    /// Spectral coefficients at the interpolation nodes over outgoing directions, for every sampled incoming direction.
-    /// Then, at each node, the fractions of nonzero and of unmasked triangles around it.
+    /// Returns the spectral coefficients at the interpolation nodes over outgoing directions, for every sampled
+    /// incoming direction. Also returns, for each node, the fractions of nonzero and of unmasked triangles around it.
     fn reconstruct(
         &self,
         planes: &Planes,

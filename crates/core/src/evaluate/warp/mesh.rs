@@ -63,7 +63,8 @@ const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
     vectors: [Vector; 3],
-    /// Quotient 1 / (A · d), with A the area of the planar triangle and d the distance of its plane from the origin.
+    /// Constant factor 1 / (A · d) of the density in sr⁻¹ of directions drawn uniformly on the planar triangle, with A
+    /// its area and d the distance of its plane from the origin.
     density: f64,
 }
 
@@ -80,10 +81,10 @@ pub struct WarpMesh {
     /// For each triangle, level by level: twice the number of its square (pair of triangles in the unfolded
     /// octahedron), plus 1 for the upper triangle.
     places: Vec<u32>,
-    /// Position in `places`, the list of triangles of all subdivision levels, of the first triangle of each level.
-    /// Then, for each level, position of its first integral over a triangle in a sampling tree read as one list of
-    /// numbers.
+    /// For each subdivision level, position in `places` of its first triangle.
     firsts: [usize; LEVELS],
+    /// For each subdivision level, position of the first integral over its triangles in a sampling tree read as one
+    /// list of numbers.
     starts: [usize; LEVELS],
     /// Number of groups (of eight triangles) in one sampling tree.
     groups: usize,

@@ -73,12 +73,15 @@ pub(super) fn read(source: &Source, how: &Interpretation, report: &mut ParseRepo
     })?;
     let numbers: Vec<usize> = dimensions.split_whitespace().filter_map(|n| n.parse().ok()).collect();
     let [n, m] = numbers[..] else {
-        return Err(source.malformed(at, format!("#DIM {}, expected two numbers", snippet(dimensions))));
+        return Err(source.malformed(
+            at,
+            format!("line `#DIM {}`, expected two numbers: of coordinates and of values in a row", snippet(dimensions)),
+        ));
     };
     let coordinates = coordinates(value("PARAM_IN").map(|(name, _)| name))?;
     if n != coordinates.dimensions() {
         let message = format!(
-            "#DIM {n} {m}, but {} has {}: expected {0} coordinates in a row",
+            "line `#DIM {n} {m}` states {n} coordinates, but {} has {}: expected {1} coordinates in a row",
             coordinates.name(),
             coordinates.dimensions()
         );

@@ -77,8 +77,8 @@ impl Axes {
     }
 }
 
-/// Lower bound on cosines in denominators. At grazing angles a quotient of lobes is evaluated with it, where its limit
-/// is finite but 0/0 is undefined.
+/// Lower bound on the cosines by which lobes divide. It keeps quotients defined at grazing angles, where they have a
+/// finite limit but are 0/0.
 const HORIZON: f64 = 1e-6;
 
 impl Shape {

@@ -247,7 +247,9 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
                 spectral: grid.spectral.clone(),
             })
         }
-        Samples::Scattered(_) => Err(malformed("axes: scattered directions, expected axes or angles")),
+        Samples::Scattered(_) => {
+            Err(malformed("axes: a list of scattered directions, expected axes of directions or of angles"))
+        }
         Samples::Function(_) => Err(malformed("axes: a function has none, expected directions and wavelengths")),
     }
 }
@@ -275,7 +277,7 @@ fn bound(lobes: &[Lobe], incoming: &Entries, outgoing: &Entries, lambdas: usize)
     let evaluations = (pairs * incoming.points()).checked_mul(outgoing.points()).and_then(|n| n.checked_mul(each));
     if evaluations.is_none_or(|n| n > MAX_EVALUATIONS) {
         let message =
-            "the axes ask for too many evaluations of the model, expected fewer cells, or \"sampling\": \"point\"";
+            "the axes ask for too many evaluations of the model, expected fewer entries, or \"sampling\": \"point\"";
         return Err(refuse(FormatErrorKind::OverLimit, message));
     }
     Ok(())

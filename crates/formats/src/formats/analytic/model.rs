@@ -56,7 +56,11 @@ impl Maker<'_> {
         let fits = fits(model);
         if !fits.contains(&self.quantity) {
             let names: Vec<&str> = fits.iter().map(|quantity| quantity.name()).collect();
-            return Err(format!("{path} makes {}, expected {}, the quantity", names.join(" or "), self.quantity));
+            return Err(format!(
+                "{path} is of quantity {}, expected {} as the document states",
+                names.join(" or "),
+                self.quantity
+            ));
         }
         let mut weight = weight.to_vec();
         if let Some((field, shape, range)) = own_weight(model, self.quantity) {
@@ -210,7 +214,11 @@ fn interface(path: &str, fresnel: &Fresnel, lambdas: &[f64]) -> Result<Option<In
         &Fresnel::Cauchy { a, b, c } => index(micrometres().map(|l| a + (b + c / (l * l)) / (l * l)).collect()),
         Fresnel::Sellmeier { b, c } => {
             if b.len() != c.len() || b.len() > 8 {
-                return Err(format!("{path}.sellmeier: {} b and {} c, expected as many, at most 8", b.len(), c.len()));
+                return Err(format!(
+                    "{path}.sellmeier: {} numbers in b and {} in c, expected as many in both, at most 8",
+                    b.len(),
+                    c.len()
+                ));
             }
             let square = |l: f64| b.iter().zip(c).fold(1.0, |sum, (b, c)| sum + b * l * l / (l * l - c));
             index(micrometres().map(|l| square(l).sqrt()).collect())

@@ -66,12 +66,12 @@ impl Entries {
         Self { points: 1, directions }
     }
 
-    /// Returns the number of entries of the axis of directions.
+    /// Returns the number of entries of the measurement's axis of directions.
     pub(super) fn len(&self) -> usize {
         self.directions.len() / self.points
     }
 
-    /// Returns the number of quadrature points per entry of the axis of directions.
+    /// Returns the number of quadrature points per entry of the measurement's axis of directions.
     pub(super) fn points(&self) -> usize {
         self.points
     }

@@ -160,7 +160,7 @@ fn refusals_say_where_and_what() {
         (
             Malformed,
             document("brdf", "\"rayleigh\"", axes, ""),
-            "model.rayleigh makes phase, expected brdf, the quantity",
+            "model.rayleigh is of quantity phase, expected brdf as the document states",
         ),
         (
             Malformed,

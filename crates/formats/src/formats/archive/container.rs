@@ -57,7 +57,7 @@ impl<'a> Archive<'a> {
     pub fn open(bytes: &'a [u8]) -> Result<Self, FormatError> {
         let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| broken("the archive", &error))?;
         if zip.len() > MAX_MEMBERS {
-            let message = format!("{} files, expected at most {MAX_MEMBERS}", zip.len());
+            let message = format!("an archive of {} files, expected at most {MAX_MEMBERS}", zip.len());
             return Err(refused(FormatErrorKind::OverLimit, message));
         }
         let (mut members, mut known, mut total) = (Vec::new(), HashSet::new(), 0_u64);
@@ -77,7 +77,8 @@ impl<'a> Archive<'a> {
                 return Err(refused(FormatErrorKind::Unsupported, format!("{quoted} is a link, expected a file")));
             }
             if !matches!(file.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
-                let message = format!("{quoted} is packed with {:?}, expected deflate, or stored", file.compression());
+                let message =
+                    format!("{quoted} is compressed with {:?}, expected deflate or no compression", file.compression());
                 return Err(refused(FormatErrorKind::Unsupported, message));
             }
             total = total.saturating_add(file.size());
@@ -90,7 +91,10 @@ impl<'a> Archive<'a> {
                 return Err(refused(FormatErrorKind::OverLimit, message));
             }
             if !known.insert(name.clone()) {
-                return Err(refused(FormatErrorKind::Malformed, format!("{quoted} twice, expected each name once")));
+                return Err(refused(
+                    FormatErrorKind::Malformed,
+                    format!("the archive lists {quoted} twice, expected each name once"),
+                ));
             }
             if !is_litter(&name) {
                 members.push(Member { name, bytes: file.size(), index });
@@ -116,8 +120,11 @@ impl<'a> Archive<'a> {
             refused(FormatErrorKind::Malformed, format!("{quoted} does not unpack, expected a whole file: {error}"))
         })?;
         if bytes.len() as u64 != member.bytes {
-            let message =
-                format!("{quoted} unpacks to {} bytes or more, expected {} as are stated", bytes.len(), member.bytes);
+            let message = format!(
+                "{quoted} unpacks to {} bytes or more, expected {} as the archive states",
+                bytes.len(),
+                member.bytes
+            );
             return Err(refused(FormatErrorKind::Malformed, message));
         }
         if is_archive(&bytes) {
@@ -154,7 +161,8 @@ impl<'a> Archive<'a> {
             (Some(member), ..) | (None, Some(member), None) => Ok(member.clone()),
             (None, found, _) => {
                 let count = if found.is_some() { "several files" } else { "no file" };
-                let message = format!("{count} {} in the archive, expected one of: {}", snippet(wanted), self.names());
+                let message =
+                    format!("{count} named {} in the archive, expected one of: {}", snippet(wanted), self.names());
                 Err(refused(FormatErrorKind::NeedsOption, message))
             }
         }
@@ -180,7 +188,10 @@ fn checked_name(name: &str) -> Result<String, FormatError> {
         || name.chars().any(char::is_control)
         || name.split('/').any(|part| part == "..");
     if outside || name.len() > MAX_NAME || name.is_empty() {
-        let message = format!("a file called {}, expected a name inside the archive", snippet(name));
+        let message = format!(
+            "the file name {} is empty, too long or points elsewhere, expected a name inside the archive",
+            snippet(name)
+        );
         return Err(refused(FormatErrorKind::Malformed, message));
     }
     Ok(name.to_owned())

@@ -74,7 +74,7 @@ impl Header {
         keep("conversion_factor", written(conversion));
         if let Some(factor) = conversion.filter(|factor| *factor <= 0.0) {
             let message = format!(
-                "conversion factor {}, expected more than 0 (line 24 of the format; are all lines above there?)",
+                "conversion factor {}, expected more than 0 (line 24 of the format; is a line above it missing?)",
                 Brief(factor)
             );
             return Err(lines.refused(conversion_at, message));

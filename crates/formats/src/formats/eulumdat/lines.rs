@@ -45,7 +45,7 @@ impl<'a> Lines<'a> {
         self.source.malformed(offset, message)
     }
 
-    /// Returns an upper bound on the number of remaining lines: each takes at least one byte.
+    /// Returns an upper bound on the number of lines left in the EULUMDAT file: each takes at least one byte.
     fn most(&self) -> usize {
         self.source.text().len() + 1 - self.at()
     }
@@ -89,7 +89,7 @@ impl<'a> Lines<'a> {
         Ok(Token { text: text.trim(), offset: offset + blanks })
     }
 
-    /// Returns the next line as free text.
+    /// Returns the next line of an EULUMDAT file as free text.
     pub(super) fn text(&mut self, expected: &str) -> Result<String, FormatError> {
         Ok(self.line(expected)?.text.chars().filter(|c| !c.is_control()).take(MAX_TEXT).collect())
     }
@@ -98,7 +98,7 @@ impl<'a> Lines<'a> {
     /// error also gives the line's number, under which the description of the format lists it.
     fn mismatch(&self, line: Token<'_>, expected: &str) -> FormatError {
         let place = if self.next <= HEAD_LINES {
-            format!(" (line {} of the format; are all lines above there?)", self.next)
+            format!(" (line {} of the format; is a line above it missing?)", self.next)
         } else {
             String::new()
         };
@@ -120,7 +120,7 @@ impl<'a> Lines<'a> {
         decimal(line.text).map(Some).ok_or_else(|| self.mismatch(line, expected))
     }
 
-    /// Returns the whole number in `low..=high` on the next line; `3.0` is accepted.
+    /// Returns the whole number in `low..=high` on the next line of an EULUMDAT file; `3.0` is accepted.
     pub(super) fn whole(&mut self, expected: &str, low: usize, high: usize) -> Result<usize, FormatError> {
         let line = self.line(expected)?;
         match decimal(line.text) {
@@ -129,12 +129,12 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Returns the number on the next line that counts items which follow, one per line.
+    /// Returns the number on the next line of an EULUMDAT file, which counts items that follow, one per line.
     pub(super) fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
-    /// Returns the numbers on the next `count` lines, each with its byte offset.
+    /// Returns the numbers on the next `count` lines of an EULUMDAT file, each with its byte offset.
     pub(super) fn numbers(&mut self, count: usize, expected: &str) -> Result<Vec<(f64, usize)>, FormatError> {
         (0..count)
             .map(|_| {

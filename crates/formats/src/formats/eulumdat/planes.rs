@@ -105,7 +105,7 @@ fn stored(
     let said = SYMMETRIES[symmetry];
     let Some(other) = other else {
         let planes = expected.map_or_else(
-            || format!("a number of C planes that {} can divide", if symmetry == 2 { 2 } else { 4 }),
+            || format!("a number of C planes divisible by {}", if symmetry == 2 { 2 } else { 4 }),
             |planes| format!("{planes} planes of {ng}"),
         );
         let message = format!("{found} intensities, expected {planes} ({mc} C planes, {said})");

@@ -25,7 +25,7 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
         return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
     }
     let Some((symmetry, listed)) = planes(grid, azimuths.map(|azimuths| azimuths.extent), stored) else {
-        return unfit(NAME, "planes of no symmetry that the format has");
+        return unfit(NAME, "C planes with a symmetry that the format does not have");
     };
     let factor = factor(grid)?;
     let mut lines: Vec<String> = Vec::new();
@@ -98,7 +98,13 @@ fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     match lumens {
         Some(lumens) => Ok(conversion * lumens / 1000.0),
         None if grid.unit == Unit::Relative => Ok(conversion),
-        None => unfit(NAME, format!("intensities in {} without the lumens of the lamps, expected them", grid.unit)),
+        None => unfit(
+            NAME,
+            format!(
+                "the intensities are in {}, but the file does not state the lumens of its lamps, expected them",
+                grid.unit
+            ),
+        ),
     }
 }
 

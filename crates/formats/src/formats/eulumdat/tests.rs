@@ -254,9 +254,9 @@ fn refusals_say_where_and_what() {
         (without(text.lines().count() - 1, text.lines().count()), "59 intensities, expected 12 planes of 5"),
         (without(60, 62), "intensities, expected"),
         // The blank line of the luminaire's number was lost.
-        (without(9, 10), "are all lines above there?"),
+        (without(9, 10), "is a line above it missing?"),
         (lines[..40].join("\n"), "expected"),
-        (odd.text(), "C planes that 4 can divide"),
+        (odd.text(), "C planes divisible by 4"),
         (turned.text(), "plane C15, expected C0"),
         (turned_3.text(), "plane C285, expected C270"),
         (Sheet { planes: vec![0.0; 12], ..Sheet::of(2) }.text(), "expected C180"),

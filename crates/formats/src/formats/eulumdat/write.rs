@@ -20,9 +20,9 @@ pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Re
     let refuse = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     let (lamps, lumens) = match unit {
         Unit::Candela if flux > 0.0 && flux.is_finite() => (-1, flux),
-        Unit::Candela => return refuse(format!("a flux of {flux} lm, expected more than 0")),
+        Unit::Candela => return refuse(format!("the flux of the luminaire is {flux} lm, expected more than 0")),
         Unit::CandelaPerKilolumen => (1, 1000.0),
-        _ => return refuse(format!("values in {unit}, expected cd or cd/klm")),
+        _ => return refuse(format!("the intensities are in {unit}, expected cd or cd/klm")),
     };
     // The rounded lumens as written, so that the reader recovers the intensities.
     let lumens = plain(lumens);

@@ -58,12 +58,12 @@ const TABLE: &[Foreign] = &[
     Foreign { name: "Parquet", advice: CONVERT, matches: |s| s.bytes.starts_with(b"PAR1") },
     Foreign {
         name: "a PNG image",
-        advice: "pictures are no measurements",
+        advice: "a picture holds no measured values: export the measurement as numbers",
         matches: |s| s.bytes.starts_with(b"\x89PNG"),
     },
     Foreign {
         name: "a JPEG image",
-        advice: "pictures are no measurements",
+        advice: "a picture holds no measured values: export the measurement as numbers",
         matches: |s| s.bytes.starts_with(b"\xff\xd8\xff"),
     },
     Foreign { name: "an OpenEXR image", advice: CONVERT, matches: |s| s.bytes.starts_with(b"\x76\x2f\x31\x01") },

@@ -9,7 +9,7 @@ use crate::formats::text::{Source, Token};
 
 /// Upper bound on the lines of a file that are searched for column names.
 const LOOKED_AT: usize = 200;
-/// Upper bound on the characters of a column name; a longer cell is prose.
+/// Upper bound on the bytes of a column name; a longer cell in a row of names counts as prose.
 const LONGEST: usize = 60;
 
 /// Returns true for a table in which a column is named as an angle in words ("Viewing Zenith", "Relative Azimuth").

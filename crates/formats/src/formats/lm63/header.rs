@@ -23,8 +23,8 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Adds the numbers of an LM-63 file before its angles to the report of the parser. `generation` is the text of the
-    /// twelfth number, whose digits since LM-63-2019 encode how the file was generated.
+    /// Adds the numbers that precede the angles in an LM-63 file to the report of the parser. `generation` is the text
+    /// of the twelfth number, whose digits since LM-63-2019 encode how the file was generated.
     pub(super) fn describe(&self, revision: Revision, generation: &str, report: &mut ParseReport) {
         let [width, length, height] = self.opening;
         let unit = if self.feet { "ft" } else { "m" };

@@ -78,8 +78,10 @@ pub(super) fn tilt(line: &str) -> Option<&str> {
     word.eq_ignore_ascii_case("TILT").then_some(value.trim())
 }
 
-/// Upper bounds on the number of keywords kept, and on the characters of each; real files have a few dozen short ones.
+/// Upper bound on the number of keywords that are kept of an LM-63 file; real files have a few dozen.
 const MAX_KEYWORDS: usize = 1000;
+/// Upper bound on the bytes of a keyword's text in an LM-63 file, continuation lines included; longer lines are
+/// skipped.
 const MAX_TEXT: usize = 4096;
 
 /// Reads the revision and the keywords of an LM-63 file, up to its TILT line.

@@ -21,7 +21,7 @@ impl<'a> Numbers<'a> {
         Self { source, tokens: Tokens::new(source.text(), at) }
     }
 
-    /// Returns an upper bound on the count of remaining numbers: each takes a byte and a separator.
+    /// Returns an upper bound on the count of numbers left in the LM-63 file: each takes a byte and a separator.
     fn most(&self) -> usize {
         (self.source.text().len() - self.tokens.offset()).div_ceil(2)
     }

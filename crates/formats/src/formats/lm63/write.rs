@@ -22,7 +22,7 @@ pub fn write_lm63(planes: &CPlanes, unit: Unit, notes: &[String]) -> Result<Vec<
         | Unit::MicrowattPerSteradian
         | Unit::MicromolePerSecondSteradian => (-1, unit.name()),
         _ => {
-            let message = format!("values in {unit}, expected an intensity without wavelengths");
+            let message = format!("the intensities are in {unit}, expected a unit of intensity without wavelengths");
             return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
         }
     };

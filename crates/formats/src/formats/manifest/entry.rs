@@ -144,7 +144,7 @@ fn bare_wavelengths(axis: usize, length: usize, how: &Interpretation) -> Result<
     let grid = WavelengthGrid::parse_range(range).map_err(|e| wavelength_error(axis, &e))?;
     if grid.len() != length {
         return Err(unfit(format!(
-            "axis {axis}: the wavelengths {} are {}, expected {length} as the array has there",
+            "axis {axis}: the range {} has {} wavelengths, expected {length} as the array has there",
             snippet(range),
             grid.len()
         )));
@@ -177,17 +177,19 @@ impl Object<'_> {
 
     fn number(&self, key: &str) -> Result<f64, FormatError> {
         let value = self.fields.get(key).and_then(Value::as_f64);
-        value.ok_or_else(|| self.unfit(format!("no number `{key}`, expected one")))
+        value.ok_or_else(|| self.unfit(format!("field `{key}` is missing or not a number, expected a number")))
     }
 
     fn whole(&self, key: &str) -> Result<u64, FormatError> {
         let value = self.fields.get(key).and_then(Value::as_u64);
-        value.ok_or_else(|| self.unfit(format!("no whole number `{key}`, expected one from 0")))
+        value.ok_or_else(|| self.unfit(format!("field `{key}` is missing or not a whole number, expected one from 0")))
     }
 
     fn numbers(&self, key: &str) -> Result<Vec<f64>, FormatError> {
         let Some(Value::Array(values)) = self.fields.get(key) else {
-            return Err(self.unfit(format!("no list `{key}`, expected numbers (files are not opened)")));
+            return Err(self.unfit(format!(
+                "field `{key}` is missing or not a list, expected a list of numbers (files are not opened)"
+            )));
         };
         if values.len() > MAX_ENTRIES {
             return Err(over_limit(format!(
@@ -260,10 +262,10 @@ fn full_form(
                         label
                             .as_str()
                             .map(str::to_owned)
-                            .ok_or_else(|| object.unfit("a label that is no text, expected text"))
+                            .ok_or_else(|| object.unfit("a label in `labels` is not text, expected a list of text"))
                     })
                     .collect::<Result<_, _>>()?,
-                Some(_) => return Err(object.unfit("`labels`, expected a list of text")),
+                Some(_) => return Err(object.unfit("`labels` is not a list, expected a list of text")),
             };
             let count = if object.has("count") { object.whole("count")? as usize } else { length };
             Ok(Some(Axis::Index { count, labels }))
@@ -307,7 +309,7 @@ fn covers(object: &Object<'_>) -> Result<Option<(f64, f64)>, FormatError> {
     }
     match object.numbers("covers")?.as_slice() {
         &[low, high] => Ok(Some((low, high))),
-        _ => Err(object.unfit("`covers`, expected [first, last]")),
+        _ => Err(object.unfit("`covers` has not two numbers, expected [first, last] in degrees")),
     }
 }
 
@@ -316,7 +318,7 @@ fn angle(object: &Object<'_>, role: Role) -> Result<Angle, FormatError> {
     object.unit(DEGREES)?;
     let values = object.numbers("values")?;
     if values.is_empty() {
-        return Err(object.unfit("no angles, expected at least one"));
+        return Err(object.unfit("no angles in `values`, expected at least one"));
     }
     if let Some(&[a, b]) = values.array_windows().find(|[a, b]| b <= a) {
         return Err(object.unfit(format!(
@@ -332,7 +334,7 @@ fn angle(object: &Object<'_>, role: Role) -> Result<Angle, FormatError> {
         Some("mirrored") => Some(AzimuthExtent::Mirrored),
         Some("sector") => Some(AzimuthExtent::Sector),
         Some(other) => {
-            return Err(object.unfit(format!("extent {}, expected circle, mirrored or sector", snippet(other))));
+            return Err(object.unfit(format!("`extent` is {}, expected circle, mirrored or sector", snippet(other))));
         }
     };
     Ok(Angle { axis: object.axis, role, values, covers, extent })

@@ -45,7 +45,7 @@ pub(super) fn assemble(
     }
     let [theta_i, phi_i, theta_o, phi_o] = angles;
     let expected = match quantity {
-        Quantity::Spectrum => return Err(unfit("a spectrum has no angles")),
+        Quantity::Spectrum => return Err(unfit("axes of angles for a spectrum, expected none")),
         Quantity::Reflectance => (true, false),
         Quantity::Edf => (false, true),
         Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf | Quantity::Phase => (true, true),

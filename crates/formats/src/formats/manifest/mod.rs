@@ -131,7 +131,7 @@ fn quantity(
         (Some(quantity), _) | (None, Some(quantity)) => Ok(quantity),
         (None, None) => {
             let known = StatedQuantity::names();
-            Err(unfit(format!("no quantity, expected `quantity` in it or as an option: {known}")))
+            Err(unfit(format!("no quantity, expected the field or the option `quantity`: {known}")))
         }
     }
 }

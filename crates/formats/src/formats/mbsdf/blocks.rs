@@ -82,7 +82,8 @@ pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<B
     Ok((reflection, transmission))
 }
 
-/// Parses a table of values from byte `at` on; returns the table and the offset of its end.
+/// Parses a table of reflection or transmission values from byte `at` of a measured BSDF file on. Returns the table and
+/// the byte offset of its end.
 fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
     let head = bytes.get(at..at + 12).ok_or_else(|| {
         malformed(

@@ -21,7 +21,8 @@ pub struct MbsdfGrid {
     pub rgb: bool,
     /// True to write the table of reflection.
     pub reflection: bool,
-    /// True to write the table of transmission; `wo` is then evaluated below the surface.
+    /// True to write the table of transmission, for which the BSDF is evaluated at outgoing directions below the
+    /// surface.
     pub transmission: bool,
     /// Lines of metadata, `key="value"`, that precede the tables of reflection and transmission in the written MBSDF
     /// file.

@@ -109,7 +109,8 @@ impl Curve {
         y0 + t * (y1 - y0)
     }
 
-    /// Returns true if values between two entries, `[x0, x1]` in degrees, follow a power law instead of a line.
+    /// Returns true if the phase function follows a power law, not a line, between two neighbouring entries of its
+    /// table. They have the scattering angles `x0` and `x1`, in degrees, and the values `y0` and `y1`.
     fn is_power_law(&self, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> bool {
         self.between == Between::PowerLaws && x1 <= POWER_LAW_BELOW && x0 > 0.0 && y0 > 0.0 && y1 > 0.0
     }
@@ -161,8 +162,8 @@ const RULE: [(f64, f64); 4] = [
     (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
     (0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
 ];
-/// Number of pieces into which the range of a power law is divided for Gauss quadrature. Raising it is slower and more
-/// accurate.
+/// Number of pieces into which an interval between two entries of a phase function table is divided for Gauss
+/// quadrature, if its values follow a power law. Raising it is slower and more accurate.
 const PIECES: usize = 4;
 /// Half width of an interval in radians below which Taylor polynomials replace sines and cosines in integrals.
 const SHORT: f64 = 0.25;

@@ -65,7 +65,7 @@ impl Angle {
 #[derive(Debug)]
 pub(super) struct Columns {
     pub(super) cells: Vec<Cell>,
-    /// Names of the columns as written, for messages.
+    /// Names of the file's columns as written there, for messages.
     pub(super) names: Vec<String>,
     /// Angle columns that are present, in the order of [`ANGLES`].
     pub(super) angles: [Option<Angle>; 4],
@@ -78,7 +78,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Returns the number of values in a row: that of the wavelength columns, else 1.
+    /// Returns the number of values in a row of the file: one for each wavelength column, or 1 if there are none.
     pub(super) fn width(&self) -> usize {
         self.wavelengths.len().max(1)
     }
@@ -88,7 +88,7 @@ impl Columns {
     }
 }
 
-/// Text of the row of column names, and its line number.
+/// Row of column names in a radiometric-csv file, and the number of its line.
 pub(super) struct Row<'a> {
     pub(super) text: &'a str,
     pub(super) line: usize,

@@ -40,9 +40,9 @@ pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u
 /// Contents of the lines of a radiometric-csv file before its numbers.
 pub(super) struct Head {
     pub(super) fields: Vec<Field>,
-    /// Row of column names.
+    /// Row of column names of the file.
     pub(super) names: String,
-    /// Number of lines before the numbers, including the row of column names.
+    /// Number of lines of the file before its rows of numbers, including the row of column names.
     pub(super) lines: usize,
     /// Byte offset of the first line of numbers.
     pub(super) end: usize,

@@ -38,7 +38,8 @@ pub(super) struct Header {
     pub(super) isotropic: bool,
     /// True if angles are the luminaire angles C and gamma; `None` if the file does not state it.
     pub(super) luminaire: Option<bool>,
-    /// Extension of the incoming azimuths, and of the outgoing azimuths, to the full circle, if stated.
+    /// Extents of the incoming and of the outgoing azimuths (full circle, mirrored half or sector); `None` where the
+    /// file does not state one.
     pub(super) extents: [Option<AzimuthExtent>; 2],
     /// Range of theta in degrees in which the values are valid, for the incoming and for the outgoing directions;
     /// `None` if the file does not state it.

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 /// Measured values in the order of a grid; values measured repeatedly at a position are averaged.
 pub(super) struct Places {
     values: Vec<f32>,
-    /// Sum and count of the values at grid positions that were measured repeatedly.
+    /// Sum and number of the values at each grid position that was measured repeatedly.
     repeated: HashMap<usize, (f64, u32)>,
 }
 
@@ -66,8 +66,8 @@ pub(super) fn placed_sigma(rows: &mut Rows, places: &[usize], count: usize, widt
     (!sigma.is_empty()).then(|| ordered(rows, sigma, places, count, width).unwrap_or_else(put))
 }
 
-/// Returns the values on the grid directly if they are already in its order without repetition, as in most files; else
-/// returns them unchanged as an error.
+/// Returns the values at their positions on the grid if the directions of the rows are in the order of the grid,
+/// without repetition, as in most files. Otherwise returns the values unchanged as an error.
 fn ordered(
     rows: &Rows,
     mut values: Vec<f32>,

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 /// Upper bound on the problems of a file that a message lists; further ones are only counted.
 const LISTED: usize = 20;
 
-/// Problems found in a file so far.
+/// Problems found so far in a radiometric-csv file.
 #[derive(Debug, Default)]
 pub(super) struct Problems {
     listed: Vec<(Option<Position>, String)>,

@@ -128,7 +128,7 @@ struct Known {
     degrees: f64,
 }
 
-/// Parser of one part of a file's rows.
+/// Parser of one part of the rows of a radiometric-csv file; parts are parsed in parallel.
 struct Parser<'a> {
     text: &'a [u8],
     columns: &'a Columns,
@@ -358,8 +358,8 @@ impl Parser<'_> {
         self.columns.angles[k].filter(|_| whole)?.degrees(written)
     }
 
-    /// Completes a data row of the file, whose values start at index `base`: stores its direction and wavelength, and
-    /// divides the values by |cos θo| if the file has multiplied them by it.
+    /// Completes a data row of the file: stores its direction and wavelength, and divides its values by |cos θo| if the
+    /// file has multiplied them by it. The values of the row start at index `base` of all values read so far.
     fn keep(&mut self, base: usize, same: bool, lambda: Option<f64>) {
         let direction = self.last.map(|known| known.degrees);
         let rows = &mut self.rows;

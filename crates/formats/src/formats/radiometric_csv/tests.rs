@@ -51,7 +51,8 @@ const THETA_O: [f64; 3] = [10.0, 40.0, 70.0];
 const PHI_O: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
 const LAMBDA: [f64; 3] = [400.0, 450.0, 550.5];
 
-/// Returns a value that differs for every position of the test grid.
+/// Returns a test value that differs for every pair of directions (one index per angle) and every wavelength of the
+/// test grid.
 fn value(place: [usize; 4], lambda: usize) -> f64 {
     place.iter().fold(0.0, |sum, &i| sum * 10.0 + i as f64 + 1.0) / 1000.0 + lambda as f64 * 100.0
 }

@@ -32,7 +32,7 @@ const TYPES: [(&str, usize); 12] = [
     ("f64", 8),
 ];
 
-/// Named array in a tensor file, whose position was checked.
+/// Named array in a tensor file, known to lie within the file.
 pub(super) struct Field<'a> {
     pub(super) name: &'a str,
     /// Byte offset of the array's entry in the file's list of named arrays (fields).

@@ -143,8 +143,8 @@ impl Warp {
         Some([column, rows.before + b * mix(rows.mass[0], rows.mass[1], 0.5 * b)])
     }
 
-    /// Maps a point of the uniform square to the square with the bilinear density. Also returns the density there,
-    /// normalised to integrate to 1.
+    /// Maps a point of the unit square with uniform density to one of the square with bilinear density. Also returns
+    /// the bilinear density at the mapped point, normalised to integrate to 1.
     pub(super) fn warp(&self, slices: Weighted<'_>, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
         let j = search(self.rows - 1, |j| self.rows_at(slices, j).before <= y);
         let rows = self.rows_at(slices, j);
@@ -171,8 +171,9 @@ impl Warp {
         }
     }
 
-    /// Returns the density, or its sum along a row, at one node of the density table, as `of` selects. The result is a
-    /// fraction of the total density, interpolated between incident directions.
+    /// Returns a value at node (row `j`, column `i`) of the density tables that `of` selects: the density, or its
+    /// integral along row `j` up to the node. The value is divided by the integral over the table, and interpolated
+    /// between incident directions.
     fn sum(&self, slices: Weighted<'_>, j: usize, i: usize, of: fn(&Self, usize) -> f64) -> f64 {
         slices.iter().map(|&(s, w)| w * of(self, (s * self.rows + j) * self.columns + i) / self.total[s]).sum()
     }
@@ -197,7 +198,8 @@ struct Rows {
     mass: [f64; 2],
 }
 
-/// Returns the last index of `0..cells` for which `before` is true, by bisection; 0 if it is never true.
+/// Returns by bisection the last index of `0..cells` for which `before` is true; 0 if there is none. `before` must be
+/// true up to some index and false after it.
 fn search(cells: usize, before: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, cells);
     while high - low > 1 {

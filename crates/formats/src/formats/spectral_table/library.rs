@@ -90,7 +90,8 @@ impl Library {
         self.y_units.contains("percent") || self.y_units.contains('%')
     }
 
-    /// Adds notes if the stated number of rows is wrong or the reflectance may be a bidirectional one.
+    /// Adds notes if a spectral library's file states a wrong number of rows, or if its reflectance may be a
+    /// bidirectional one.
     pub(super) fn check(&self, rows: usize, report: &mut ParseReport) {
         let value = |label: &str| {
             let found = self.fields.iter().find(|(found, _)| found.eq_ignore_ascii_case(label));

@@ -88,7 +88,7 @@ struct Parser<'a> {
     width: usize,
     source: &'a Source,
     library: Option<Library>,
-    /// Lines before the first row of numbers: text, and true for a comment.
+    /// Lines before the first row of numbers, each with a flag that is true for a comment.
     preamble: Vec<(Token<'a>, bool)>,
     prose: String,
     heading: String,
@@ -214,8 +214,8 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// Refuses a table whose decimal commas cannot be distinguished from separators: it has half as many names as
-    /// cells.
+    /// Refuses a table of spectra whose decimal commas cannot be told from separators: its row of names has half as
+    /// many cells as its rows of numbers.
     fn refuse_decimal_commas(&self) -> Result<(), FormatError> {
         let Some((line, _)) = self.preamble.last().filter(|_| self.delimiter == Delimiter::Comma) else {
             return Ok(());
@@ -234,8 +234,8 @@ impl<'a> Parser<'a> {
         Err(self.source.malformed(line.offset, message))
     }
 
-    /// Returns the column names: the last line before the numbers with a matching cell count, joined with a row of
-    /// units beneath it.
+    /// Returns the column names: the cells of the last line before the numbers, or of the last two lines (names, and
+    /// units beneath them) joined by column. `None` unless the last line has as many cells as the rows of numbers.
     fn header(&mut self) -> Option<Vec<String>> {
         let cells = |line: Token<'_>| -> Option<Vec<String>> {
             let cells = self.delimiter.cells(line);

@@ -16,7 +16,7 @@ pub(in crate::formats) struct Table {
     pub(super) wavelength_name: Option<String>,
     /// Text around the table except its row of column names, in lower case.
     pub(super) prose: String,
-    /// Row of column names, in lower case.
+    /// Row of column names of the table, in lower case.
     pub(super) heading: String,
     /// Labels of the file, if it is from a spectral library.
     pub(super) library: Option<Library>,

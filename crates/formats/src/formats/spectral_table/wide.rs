@@ -29,7 +29,7 @@ const WAVENUMBERS: std::ops::RangeInclusive<f64> = 400.0..=50_000.0;
 /// Lower bound on the number of columns that are taken for wavelengths in micrometres: fewer numbers are replicates,
 /// depths or angles.
 const FEWEST_MICROMETRES: usize = 5;
-/// Names of a first column that identifies samples, whose numbers may look like wavelengths; in lower case.
+/// Names in lower case of a first column that identifies samples, whose numbers may look like wavelengths.
 const IDENTIFIERS: [&str; 16] = [
     "sample",
     "samples",

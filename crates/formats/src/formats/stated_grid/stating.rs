@@ -8,7 +8,7 @@ use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
 /// Reasons why a grid of angles cannot be converted to the grid that its file lists.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StatedGridError {
-    /// The listed angles are out of range.
+    /// The angles that the file lists form no valid grid of directions, for example because one is out of range.
     #[error(transparent)]
     Directions(#[from] DirectionGridError),
     /// The grid that the file lists has too many axes, too many samples, or an axis with invalid entries.

@@ -286,8 +286,8 @@ fn first(from: Vector, ray: Vector) -> Option<f64> {
     (apart < 1.0 && middle > 0.0).then(|| middle - (1.0 - apart).sqrt())
 }
 
-/// Sum of the reflected light over lights for which the material has values, with the irradiance of these and of all
-/// lights.
+/// Sum of the light that a point of the ball reflects towards the camera, over the lights for which the material has
+/// values. Also sums the irradiance of these lights, and that of all lights.
 #[derive(Default)]
 struct Sum {
     light: Rgb,

@@ -67,7 +67,8 @@ struct Image {
 }
 
 impl Image {
-    /// Returns the mean of the largest RGB channel over the pixels at `places`.
+    /// Returns the mean, over the pixels at `places`, of each pixel's largest RGB channel. Pixels where it is not
+    /// finite are left out.
     fn mean(&self, places: &[usize]) -> f32 {
         let (mut sum, mut count) = (0.0, 0.0);
         for &place in places {

@@ -6,9 +6,9 @@ use crate::notes::CheckNote;
 /// Number of negative values in a file, and magnitude of the most negative one relative to the largest value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Negatives {
-    /// Number of negative values, at least 1.
+    /// Number of negative values of the file, at least 1.
     pub values: u64,
-    /// Number of values of the file that are not missing.
+    /// Number of values of the file, without missing ones.
     pub of: u64,
     /// Magnitude of the most negative value, relative to the largest value: 0.01 is 1 %. `None` if no value is
     /// positive.

@@ -18,8 +18,9 @@ const MOST_SCATTERED: usize = 1 << 22;
 /// Upper bound on the number of spectral bands in which each pair of directions is compared, evenly spread over all
 /// bands.
 const MOST_BANDS: usize = 4;
-/// Number of comparisons f(wi, wo) with f(wo, wi), both samples of the file, that suffices. With fewer, values
-/// interpolated between samples are compared instead, although interpolation adds an error of its own.
+/// Number of comparisons f(wi, wo) with f(wo, wi), both samples of the file, that suffices to measure the deviation
+/// from reciprocity. With fewer, values interpolated between samples are compared instead, although interpolation adds
+/// an error of its own.
 const ENOUGH: usize = 32;
 /// Lower bound on the number of compared values for which a median difference is given.
 const FEWEST: usize = 8;
@@ -77,13 +78,14 @@ impl Differences {
     }
 }
 
-/// Returns the numbers of the spectral bands to compare, evenly spread over `count` bands.
+/// Returns the indices of the spectral bands in which reciprocity is tested: evenly spread over all `count` bands.
 fn bands(count: usize) -> Vec<usize> {
     let few = count.min(MOST_BANDS);
     (0..few).map(|i| (2 * i + 1) * count / (2 * few)).collect()
 }
 
-/// Returns the step between compared pairs of directions: odd, so that not all compared pairs have one azimuth.
+/// Returns the step n by which every n-th of the `pairs` pairs of directions is compared. The step is odd, so that not
+/// all compared pairs have one azimuth.
 fn every(pairs: usize) -> usize {
     match pairs.div_ceil(MOST_PAIRS) {
         0 | 1 => 1,

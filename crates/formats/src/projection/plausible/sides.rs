@@ -11,7 +11,7 @@ use std::borrow::Cow;
 const PARTS: usize = 16;
 /// Degrees by which a polar angle may lie outside the first or last angle of a table and still count as equal to it.
 const ROUNDING: f64 = 1e-6;
-/// Weight of a single sample above which an interpolated value counts as that sample.
+/// Weight of a single sample above which an interpolated value counts as the measured value of that sample.
 const STATED: f64 = 1.0 - 1e-6;
 
 /// Incoming or outgoing directions of a measured table.
@@ -30,7 +30,8 @@ pub(super) struct Mix {
 }
 
 impl<'a> Side<'a> {
-    /// Creates the directions from polar angles and azimuths; `None` if they form no grid.
+    /// Creates the incoming or outgoing directions of a measured table from polar angles and azimuths; `None` if they
+    /// form no grid.
     pub(super) fn of_angles(angles: Cow<'a, Angles>) -> Option<Self> {
         check(Role::Incoming, &angles).ok().map(|()| Self::Angles(angles))
     }
@@ -49,7 +50,7 @@ impl<'a> Side<'a> {
         check(Role::Incoming, &angles).ok().map(|()| Self::Angles(Cow::Owned(angles)))
     }
 
-    /// Returns the number of directions.
+    /// Returns the number of incoming or outgoing directions on this side of the table.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Angles(angles) => angles::count(angles),

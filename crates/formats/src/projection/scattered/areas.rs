@@ -20,7 +20,7 @@ const NEIGHBOURS: [usize; 3] = [16, 64, 256];
 const HALF_WIDTH: f64 = 1.5;
 /// Upper bound in radians on half the width of the square from which a Voronoi cell is cut.
 const WIDEST: f64 = 1.0;
-/// Number of neighbours whose distance gives the sample spacing.
+/// Number of nearest neighbours of a direction: the distance to the farthest of them gives the sample spacing.
 const DENSITY: usize = 6;
 /// Squared chord (on the unit sphere) below which two sample directions count as equal.
 const SAME: f64 = 1e-14;

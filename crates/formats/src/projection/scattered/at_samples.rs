@@ -19,7 +19,8 @@ pub struct ScatteredSamples {
     pub(super) channels: Channels,
     pub(super) quantity: Quantity,
     pub(super) incidences: Vec<Incidence>,
-    /// Values rejected as outliers, in increasing order of their positions in the array of values.
+    /// Measured values rejected as outliers, in increasing order of their positions in the array `[sample, channel]` of
+    /// measured values.
     pub(super) rejected: Vec<Rejection>,
 }
 
@@ -66,8 +67,8 @@ impl ScatteredSamples {
         incidence.weights(&self.directions, self.domain, self.quantity.has_cosine())
     }
 
-    /// Yields the outliers among the samples `from..to` as increasing positions in the output of
-    /// [`write`](Self::write). Each comes with true if other outliers lie close to it.
+    /// Yields the outliers among the samples `from..to`, as increasing positions in the array that
+    /// [`write`](Self::write) fills for these samples. Each comes with true if other outliers lie close to it.
     pub fn rejected(&self, from: usize, to: usize) -> impl Iterator<Item = (usize, bool)> + '_ {
         let own = Own(&self.channels).width();
         let copies = self.width() / own;

@@ -30,13 +30,13 @@ const EMPTIER: f32 = 6.0;
 /// Origin of the value of a triangle of outgoing directions: measured, interpolated, extrapolated or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// The triangle contains a sample.
+    /// The triangle of directions contains a measured sample.
     Measured,
-    /// The triangle contains no sample, but lies between samples.
+    /// The triangle of directions contains no measured sample, but lies between samples.
     Interpolated,
     /// The triangle lies in a hole or beyond the outermost samples; its value is extrapolated from the samples around.
     Filled,
-    /// The triangle is too far from any sample to have a value.
+    /// The triangle of directions is too far from any sample to have a value.
     Empty,
 }
 
@@ -71,7 +71,7 @@ pub(super) struct Fitted<'a> {
     pub(super) sides_apart: bool,
 }
 
-/// Number and places of the local fits to samples from which the average over a triangle of directions is computed.
+/// Way in which local fits to samples give the average over a triangle of directions: their number, and where they lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parts {
     /// One local fit to samples in each of the 4ⁿ parts that result from splitting a triangle into four n times; the
@@ -228,7 +228,8 @@ impl Fitted<'_> {
         self.add(&support, vertices, scratch, draft);
     }
 
-    /// Adds the fitted value of a part of a triangle to the average, unless the part lies too far from the samples.
+    /// Adds the fitted value of a part of a triangle to the average over the triangle, unless the part lies too far
+    /// from the samples.
     fn add(&self, support: &Support, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
         let emptiness = emptiness(support);
         draft.emptiness = draft.emptiness.max(emptiness);
@@ -246,7 +247,8 @@ impl Fitted<'_> {
         }
     }
 
-    /// Fits the samples `scratch.found` around `place` and writes the fitted value in each band into `scratch.row`.
+    /// Fits a polynomial to the samples `scratch.found` around `place`. Writes the average of the fit over the
+    /// [`PARTS`] directions of `place`, with the weights `shares`, into `scratch.row`, one value for each band.
     pub(super) fn value(&self, place: &Place, shares: [f32; PARTS], scratch: &mut Scratch) -> Option<Support> {
         let Scratch { fitter, found, .. } = scratch;
         let support = fitter.fit(self.cloud, self.rows, place, found, self.noise)?;

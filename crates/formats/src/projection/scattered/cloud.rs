@@ -9,8 +9,8 @@ use std::sync::Arc;
 /// Largest difference in degrees at which incoming polar angles, or incoming directions, count as equal: the
 /// repeatability of instruments. Raising it groups more samples.
 const SAME: f64 = 0.05;
-/// Least mean number of samples per incoming direction for separate fits. With fewer samples, neighbouring incoming
-/// directions are fitted together.
+/// Least mean number of samples per incoming direction at which each incoming direction is fitted separately. With
+/// fewer samples, neighbouring incoming directions are fitted together.
 const ALONE: usize = 24;
 /// Number of consecutive samples of which one is withheld from fits for validation.
 const TENTH: u32 = 10;
@@ -21,7 +21,7 @@ const STEEP: f64 = 1e-3;
 /// the plane of incidence follow, if they are used.
 #[derive(Clone, Debug)]
 pub(super) struct Cloud {
-    /// Index of each sample in the table of measured values.
+    /// Index of each sample of the group in the table of measured values of the file.
     pub(super) rows: Vec<u32>,
     pub(super) wi: Vec<Vector>,
     pub(super) wo: Vec<Vector>,
@@ -101,7 +101,7 @@ pub(super) fn one_azimuth(scattered: &Scattered) -> bool {
     })
 }
 
-/// Groups samples by incoming direction. `live` are the indices of the samples that have any value.
+/// Groups scattered samples by incoming direction. `live` are the indices of the samples that have a value in any band.
 pub(super) fn incoming(scattered: &Scattered, isotropic: bool, live: &[u32]) -> Incoming {
     if scattered.incoming.is_empty() {
         return Incoming::None;
@@ -198,7 +198,7 @@ impl Cloud {
         }
     }
 
-    /// Returns the number of samples, not counting mirror images.
+    /// Returns the number of samples of the group, not counting mirror images.
     pub(super) fn own(&self) -> usize {
         self.tree.len()
     }
@@ -249,15 +249,17 @@ impl Cloud {
         }
     }
 
-    /// Yields the places to search in the k-d tree: `centre`, and its mirror image if mirror images are used. Each
-    /// comes with the index of the first sample that is searched there.
+    /// Yields the points about which the k-d tree is searched: `centre` and, if mirror images are used, its mirror
+    /// image. Each comes with the number that the first sample of the tree gets in the results: 0 or, for the mirror
+    /// image, the number of samples.
     fn sides(&self, centre: &[f64; 6]) -> impl Iterator<Item = ([f64; 6], u32)> + use<> {
         let own = self.tree.len();
         let images = (self.len() > own).then(|| (mirror(centre), own as u32));
         [Some((*centre, 0)), images].into_iter().flatten()
     }
 
-    /// Returns false for mirror images that coincide with their sample, true for all other points.
+    /// Returns false if `item` is a mirror image that coincides with its sample, which would count twice; otherwise
+    /// true.
     fn is_there(&self, item: u32) -> bool {
         (item as usize) < self.tree.len() || self.wo[item as usize][1] != 0.0
     }

@@ -5,7 +5,7 @@ use super::withheld::trials;
 use crate::domain::vector::Vector;
 use crate::domain::{Domain, Quantity};
 
-/// Number of neighbours whose distance gives the sample density.
+/// Number of nearest neighbours of a sample: the distance to the farthest of them gives the sample density.
 const DENSITY: usize = 16;
 /// Tolerance of the test for one-sided scans: a sample may lie this far (on the unit sphere) beyond the plane of
 /// incidence. Raising it takes more scans for one-sided.

@@ -34,7 +34,7 @@ const CHANCE: f64 = 2.0;
 /// Largest residual of a local fit, in standard deviations, for which no robust refit is made. Raising it saves time
 /// and tolerates larger outliers.
 const SUSPECT: f64 = 4.5;
-/// Least excess of the number of samples of a fit over its number of terms.
+/// Least difference between the number of samples of a local polynomial fit and its number of terms.
 const FEWEST_LEFT: usize = 4;
 /// Largest change of the fitted natural logarithm, between the centre and the outermost samples of a local fit, at
 /// which the neighbouring triangles reuse the fit. Raising it is faster and less accurate.
@@ -60,7 +60,8 @@ pub(super) struct Support {
     /// Distance from the pair of directions about which a polynomial is fitted to the farthest fitted sample, in the
     /// six-dimensional space in which nearest neighbours are sought.
     pub(super) reach: f64,
-    /// Chord from the incoming direction of the fit to the nearest measured one.
+    /// Chord, on the unit sphere, from the incoming direction of a local fit to the nearest measured incoming
+    /// direction.
     pub(super) nearest_incoming: f64,
     /// Index, in the k-d tree of the samples, of the sample nearest to the place of the fit.
     pub(super) nearest_point: u32,
@@ -301,8 +302,8 @@ impl Fitter {
         if most <= UNCERTAIN { most } else { self.weigh_by(factored) }
     }
 
-    /// Sets the weights of the samples in the fitted values, and the indices of the samples with any weight. Returns
-    /// the largest variance of a fitted value, relative to that of a sample.
+    /// Computes the weight of each sample in each value of a local fit, and the indices of the samples with any weight.
+    /// Returns the largest variance of a fitted value, relative to that of a sample.
     fn weigh_by(&mut self, factored: &Factored) -> f64 {
         self.weights.clear();
         self.rows.clear();
@@ -317,12 +318,12 @@ impl Fitter {
     }
 }
 
-/// Returns the largest of several variances, or NaN if one is NaN.
+/// Returns the largest of the variances of the values of a local fit, or NaN if one is NaN.
 fn most_of(variances: [f64; PARTS]) -> f64 {
     variances.into_iter().fold(0.0, |most, v| if v > most || v.is_nan() { v } else { most })
 }
 
-/// Returns the polynomial degrees of a local fit with their numbers of terms, highest degree first.
+/// Returns the polynomial degrees that a local fit tries, with their numbers of terms, highest degree first.
 fn degrees(joint: bool) -> [(usize, usize); 3] {
     if joint { [(2, 8), (1, 5), (0, 1)] } else { [(2, 6), (1, 3), (0, 1)] }
 }

@@ -14,7 +14,8 @@ pub(super) const REACHES: [f64; 2] = [0.33, 1.0];
 /// Upper bound on the weight of a sample by its stated uncertainty, relative to the median weight.
 const MOST_CERTAIN: f64 = 1e6;
 
-/// Local coordinates of a fit: half-vector slopes or tangent coordinates of the outgoing direction.
+/// Local coordinates of the samples of a fit: half-vector slopes, or coordinates of their outgoing directions in a
+/// tangent plane of the unit sphere.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Frame {
     /// Incoming direction about which samples are fitted, and the half-vector slope (hx/hz, hy/hz) that is the origin
@@ -52,7 +53,7 @@ pub(super) struct Gathered {
     pub(super) counts: [usize; REACHES.len()],
     pub(super) joint: bool,
     pub(super) columns: Columns,
-    /// True if no gathered sample has lost weight as an outlier.
+    /// True if no sample of the local fit has lost weight as an outlier.
     pub(super) plain: bool,
     pub(super) sorted: Vec<f64>,
     order: Vec<Found>,
@@ -61,7 +62,7 @@ pub(super) struct Gathered {
 }
 
 impl Gathered {
-    /// Orders the samples so that those near enough for the narrower of two competing fits come first.
+    /// Orders the samples of a local fit so that those near enough for the narrower of two competing fits come first.
     pub(super) fn order(&mut self, found: &[Found], reach: f64) {
         let inverse = 1.0 / reach;
         self.order.resize(found.len(), (0.0, 0));
@@ -186,7 +187,7 @@ impl Gathered {
         )
     }
 
-    /// Returns true if the gathered samples surround the place of the fit: every half plane contains a sample.
+    /// Returns true if the samples of a local fit surround its centre: every half plane contains a sample.
     pub(super) fn surrounded(&self, cloud: &Cloud, axes: &[Vector; 2]) -> bool {
         let mut around = Around::default();
         self.order.iter().any(|&(_, item)| {
@@ -196,7 +197,8 @@ impl Gathered {
     }
 }
 
-/// Returns the polynomial basis functions at an offset (u, v) of the outgoing and (a, b) of the incoming direction.
+/// Returns the values of the polynomial basis functions of a local fit, at an offset (u, v) of the outgoing direction
+/// and (a, b) of the incoming direction from the centre of the fit.
 #[inline]
 fn terms([u, v]: [f64; 2], [a, b]: [f64; 2], joint: bool) -> [f64; TERMS] {
     if joint { [1.0, u, v, a, b, u * u, u * v, v * v] } else { [1.0, u, v, u * u, u * v, v * v, 0.0, 0.0] }

@@ -42,7 +42,7 @@ const CLASS: usize = 200;
 const FEWEST: usize = 48;
 /// Ratio of the standard deviation of a normal distribution to the median of the magnitudes of its deviates.
 pub(super) const OF_MEDIAN: f64 = 1.4826;
-/// Relative noise below which it is only the rounding of float32, and counts as 0.
+/// Relative noise that the rounding of values to float32 explains; noise below it counts as 0.
 const ROUNDING: f64 = 2e-7;
 /// Least difference of a sample from the prediction by its neighbours at which it counts as an outlier, in standard
 /// deviations. The larger of two standard deviations counts: that of samples of similar brightness, and that of the
@@ -59,12 +59,13 @@ const HIGH: f64 = 0.05;
 const HIGH_OFF: f64 = 4.0;
 /// Number of nearest neighbours with whose median a sample is compared.
 const NEAREST: usize = 12;
-/// Rounds of predicting samples from their neighbours: first with all samples, then without deviating ones.
+/// Number of rounds in which samples are predicted from their neighbours: first with all samples, then without
+/// deviating ones.
 const ROUNDS: usize = 2;
 /// Number of neighbours examined around a deviating sample to tell whether several of them form a lobe.
 const BESIDE: usize = 6;
-/// Least number of neighbours that must deviate to the same side as a sample for both to form a lobe. Raising it
-/// rejects more samples.
+/// Least number of neighbours that must deviate in the same sense (brighter or darker) as a sample for both to form a
+/// lobe. Raising it rejects more samples.
 const LOBE: usize = 2;
 
 /// Noise and outliers of scattered samples.
@@ -72,7 +73,8 @@ const LOBE: usize = 2;
 pub(super) struct Scatter {
     /// Root mean square of the relative noise of positive samples; `None` if there are too few samples.
     pub(super) noise: Option<f64>,
-    /// Values rejected as outliers, in increasing order of their positions in the array of values.
+    /// Measured values rejected as outliers, in increasing order of their positions in the array `[sample, channel]` of
+    /// measured values.
     pub(super) rejected: Vec<Rejection>,
     /// Sum of the outliers as a fraction of the sum of all positive values.
     pub(super) light: f64,
@@ -86,7 +88,7 @@ pub(super) struct Scatter {
     pub(super) positive: u64,
 }
 
-/// A value rejected as an outlier.
+/// A measured value that was rejected as an outlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rejection {
     /// Index of the outlier in the row-major array `[sample, channel]` of the measured values, averaged over the
@@ -292,9 +294,9 @@ fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
 /// Channels in which a sample deviates from its neighbours, each with the difference of logarithms.
 type Sides = Vec<(usize, f32)>;
 
-/// Returns the samples of a cloud that deviate from their neighbours or are *high* (brighter than noise explains). Also
-/// marks the channels that are not rejected, since neighbours deviate likewise as in a lobe, or the sample is only
-/// high. `usual` is the sample spacing if several incoming directions are fitted together.
+/// Returns the samples of one group that deviate from their neighbours or are *high* (brighter than noise explains).
+/// For each channel of a sample, true marks a value that is not rejected: neighbours deviate likewise as in a lobe, or
+/// the sample is only high. `usual` is the sample spacing if several incoming directions are fitted together.
 fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec<(Off, Vec<bool>)> {
     if classes.is_empty() {
         return Vec::new();
@@ -337,8 +339,8 @@ fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec
     off.chain(high.iter().map(|(point, sides)| (*point, sides, true))).map(of).collect()
 }
 
-/// Returns the index of the sample that a point stands for: of the sample itself or, for the mirror image of a sample
-/// in the plane of incidence, of that sample.
+/// Returns the index of the measured sample behind `item`, a sample or mirror image of the group `cloud`: the sample
+/// itself, or the one that is mirrored in the plane of incidence.
 fn own_point(cloud: &Cloud, item: u32) -> usize {
     let item = item as usize;
     if item < cloud.own() { item } else { item - cloud.own() }

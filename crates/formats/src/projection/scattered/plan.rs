@@ -35,7 +35,8 @@ const JOINT_REACH: f64 = 1.5;
 /// Raising it takes fewer fits.
 const PART: f64 = 0.7;
 
-/// Position on the incoming axis: its direction, and the number of the group of samples that is fitted for it.
+/// Position on the incoming axis of the tensor: its direction, and the number of the group of samples to which the
+/// values under this direction are fitted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) wi: Vector,
@@ -48,7 +49,7 @@ pub(super) struct Located {
     /// Index `[incoming position, outgoing triangle]` of the cell of each sample; `None` if the sample is not used or
     /// lies outside the axes.
     pub(super) cells: Vec<Option<usize>>,
-    /// True for each cell of the tensor that contains a sample or a mirror image of one.
+    /// One flag for each cell of the tensor: true if the cell contains a sample or a mirror image of one.
     pub(super) has_sample: Vec<bool>,
     /// For each triangle or polar angle on the incoming axis of the tensor, the indices of the samples whose incoming
     /// direction it contains or is nearest to.
@@ -64,7 +65,7 @@ pub(super) struct Plan {
     pub(super) directions: Vec<(Vector, Vector)>,
     pub(super) clouds: Vec<Cloud>,
     pub(super) entries: Vec<Entry>,
-    /// Polar angles of the positions on the incoming axis, in degrees.
+    /// Polar angles of the positions on the incoming axis of the tensor, in degrees.
     pub(super) elevations: Vec<f64>,
     incoming: Option<Choice>,
     pub(super) outgoing: Choice,
@@ -77,7 +78,8 @@ pub(super) struct Plan {
     /// Usual distance between neighbouring samples under one incoming direction, in radians.
     pub(super) spacing: f64,
     sides_apart: bool,
-    /// Values of all samples in [`BANDS`] evenly spread spectral bands; `None` if there are no more bands than that.
+    /// Values of all samples in [`BANDS`] evenly spread spectral bands; `None` if the samples have no more bands than
+    /// that.
     thin: Option<Rows<'static>>,
     pub(super) notes: Vec<Note>,
 }
@@ -231,8 +233,8 @@ impl Plan {
         }
     }
 
-    /// Returns the values of all samples in [`BANDS`] evenly spread spectral bands, or the complete values `rows` if
-    /// there are no more bands than that.
+    /// Returns the values of all samples in [`BANDS`] evenly spread spectral bands. Returns the complete values `rows`
+    /// if the samples have no more than [`BANDS`] bands.
     pub(super) fn few<'b>(&'b self, rows: &'b Rows<'b>) -> &'b Rows<'b> {
         self.thin.as_ref().unwrap_or(rows)
     }

@@ -11,7 +11,8 @@ use crate::domain::vector::{Vector, cross, dot, norm, unit};
 /// Number of coordinate systems in which lobes are sought: about the mirror direction, in half-vector slopes, and about
 /// the direction back to the source.
 const COORDINATES: usize = 3;
-/// Coordinates of samples whose half vector has no slope: far from those of all other samples.
+/// Coordinates given to samples whose half vector has no slope, where lobes are sought in half-vector slopes: a point
+/// far from all other samples.
 const NOWHERE: Vector = [1e6, 0.0, 0.0];
 
 /// Expected position of a lobe's peak in each of the three coordinate systems (mirror direction, half-vector slopes,

@@ -11,7 +11,7 @@ pub struct ScatterReport {
     pub samples: u64,
     /// Number of missing values of the samples.
     pub missing: u64,
-    /// Number of negative values, which are kept.
+    /// Number of negative values of the samples; these values are kept.
     pub negative: u64,
     /// Number of nearest samples to which each value of the tensor is fitted.
     pub neighbours: usize,
@@ -40,9 +40,9 @@ pub struct ScatterReport {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Rejected {
-    /// Number of values that are outliers.
+    /// Number of measured values that were rejected as outliers.
     pub values: u64,
-    /// Number of outliers divided by the number of positive values.
+    /// Number of values rejected as outliers, divided by the number of positive values.
     pub samples: f64,
     /// Sum of the outliers divided by the sum of all positive values.
     pub light: f64,

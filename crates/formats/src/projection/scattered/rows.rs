@@ -55,8 +55,8 @@ impl<'a> Rows<'a> {
         Self { width, values, logs, kinds, light, certainty }
     }
 
-    /// Returns the values of all samples in `count` of the bands, evenly spread; `None` if there are no more bands than
-    /// that.
+    /// Returns the values of all samples in `count` evenly spread bands; `None` if the samples have no more than
+    /// `count` bands.
     pub(super) fn thinned(&self, sigma: Option<&[f32]>, count: usize) -> Option<Rows<'static>> {
         if self.width <= count {
             return None;

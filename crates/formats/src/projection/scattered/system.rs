@@ -135,7 +135,8 @@ impl Columns {
         factored
     }
 
-    /// Computes the magnitudes of the residuals of the first `count` samples for the coefficients `solution`.
+    /// Computes the magnitudes of the residuals of the first `count` samples about the polynomial with the coefficients
+    /// `solution`.
     pub(super) fn depart(&mut self, count: usize, solution: &[f64; TERMS]) -> Departure {
         let Self { basis, light, residuals, .. } = self;
         let padded = count.next_multiple_of(LANES);
@@ -166,7 +167,8 @@ impl Columns {
         Departure { sum: total(sum), squares: total(squares), largest: most(largest), brightest: most(brightest) }
     }
 
-    /// Lowers the robust weight of samples with residuals up to `limit`, and sets it to 0 beyond (bisquare weights).
+    /// Sets the robust weight of each sample from its residual by Tukey's bisquare: 1 at residual 0, falling to 0 at
+    /// `limit`, and 0 beyond.
     pub(super) fn trust(&mut self, limit: f64) {
         for (robust, residual) in self.robust.iter_mut().zip(&self.residuals) {
             let far = residual / limit;
@@ -217,7 +219,8 @@ fn total(lanes: [f64; LANES]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
-/// Sums row `J` of the lower triangle of the normal matrix, and element `J` of the right-hand side.
+/// Computes row `J` of the lower triangle of the normal matrix of a local fit, and element `J` of its right-hand side,
+/// as sums over the samples.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn add_row<const J: usize>(
@@ -287,8 +290,8 @@ impl Factored {
         half.iter().map(|x| x * x).sum()
     }
 
-    /// Returns the value of a polynomial that was fitted to the samples' means over bands. `at` holds the values of its
-    /// terms, such as 1, u, v, u², uv and v², at the place of evaluation.
+    /// Returns the value of a polynomial that was fitted to the samples' means over bands, at one pair of directions.
+    /// `at` holds the values of the terms of the polynomial there, such as 1, u, v, u², uv and v².
     pub(super) fn light(&self, at: &[f64; TERMS]) -> f64 {
         self.solution.iter().zip(at).map(|(a, b)| a * b).sum()
     }

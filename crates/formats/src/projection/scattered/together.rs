@@ -26,8 +26,8 @@ const SPACINGS: f64 = 2.0;
 const FEWEST: usize = 3;
 /// Least number of deviating samples among those that form a lobe. Raising it finds fewer lobes.
 const FEWEST_OFF: usize = 2;
-/// Ratio of two counts of samples around an outlier from which a lobe is assumed there: those that deviate in the same
-/// sense (brighter or darker than predicted) to all others. Raising it finds fewer lobes.
+/// Least ratio of two counts of samples around an outlier, from which a lobe is assumed there: the count of those that
+/// deviate in the same sense (brighter or darker than predicted) to that of all others. Raising it finds fewer lobes.
 const FOREIGN: usize = 4;
 /// Natural logarithm of a factor of two. The ratio of a lobe's sample to the prediction by its neighbours may exceed
 /// that of a sample nearer to the lobe's peak by at most this factor. Raising it finds more lobes.
@@ -48,14 +48,14 @@ pub(super) struct Off {
     pub(super) is_high: bool,
 }
 
-/// Classification of a deviating sample: outlier or part of a lobe.
+/// Classification of a sample that deviates from its neighbours: outlier or part of a lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Company {
-    /// The sample is an isolated outlier.
+    /// The deviating sample is an outlier without other outliers close to it.
     Alone,
-    /// The sample is an outlier close to other outliers that share no common peak with it.
+    /// The deviating sample is an outlier, close to other outliers that share no common peak with it.
     Together,
-    /// The sample is part of a lobe and is kept.
+    /// The deviating sample is part of a lobe, not an outlier, and is kept.
     Light,
 }
 
@@ -84,7 +84,7 @@ impl Off {
 struct Laid {
     origin: Vector,
     all: Tree<3>,
-    /// Index of the sample for each point of the search tree of all samples.
+    /// For each point of the search tree of all samples, the index of its sample in the table of measured values.
     rows: Vec<u32>,
     off: Tree<3>,
     /// For each point of the search tree of deviating samples, its number in the list of these samples.
@@ -160,7 +160,8 @@ impl Filling {
     }
 }
 
-/// Surroundings of a deviating sample, in one of the coordinate systems in which lobes are sought.
+/// Surroundings of a sample that deviates from its neighbours, in one of the coordinate systems in which lobes are
+/// sought.
 #[derive(Default)]
 struct Around {
     /// Numbers of the samples near a deviating sample that deviate in the same sense (brighter or darker than their

@@ -103,8 +103,8 @@ impl<const D: usize> Tree<D> {
         keep(found, count);
     }
 
-    /// Adds to `found` the points within a squared distance `limit` of `centre`, nearer leaves first. After each leaf,
-    /// `lower` returns the new limit.
+    /// Adds to `found` the points of the k-d tree within a squared distance `limit` of `centre`; nearer leaves are
+    /// searched first. After each leaf, `lower` returns the limit for the next ones.
     fn search(
         &self,
         (centre, first): (&[f64; D], u32),
@@ -190,8 +190,8 @@ impl<const D: usize> Node<D> {
     }
 }
 
-/// Keeps the nearest `count` found points, the farthest of them first. Returns the squared distance of the farthest
-/// one.
+/// Shortens `found` to the `count` points nearest to the place of the search, the farthest of them first. Returns the
+/// squared distance of the farthest one.
 fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
     let Some(last) = count.min(found.len()).checked_sub(1) else {
         found.clear();

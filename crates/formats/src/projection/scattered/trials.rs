@@ -140,7 +140,8 @@ pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> 
     NEIGHBOURS.into_iter().find(|&n| n >= best && around(n) >= MOST * most).unwrap_or(best)
 }
 
-/// Returns the fraction of outgoing directions that have neighbouring samples on all sides.
+/// Returns the fraction of tried outgoing directions, under one incoming direction, that have neighbouring samples on
+/// all sides.
 fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     let Some(mesh) = TriangleMesh::new(domain, AROUND_LEVEL) else { return 0.0 };
     let first = fitted.cloud.rows.iter().zip(&fitted.cloud.wi).min_by_key(|(row, _)| **row);

@@ -3,7 +3,8 @@
 use super::cloud::Cloud;
 use crate::domain::vector::Vector;
 
-/// A sample withheld from fits, to be predicted by them: the number of its group, and its index there.
+/// A sample withheld from fits, to be predicted by them: the number of its group of samples that are fitted together,
+/// and its index in this group.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trial {
     pub(super) cloud: usize,

@@ -15,7 +15,7 @@ const MOST_RUNS: usize = 16;
 /// Number of direction pairs whose basis functions are computed side by side.
 pub(super) const LANES: usize = 8;
 
-/// One number for each of several direction pairs that are computed side by side.
+/// Numbers for [`LANES`] pairs of an incoming and an outgoing direction, one for each pair, computed side by side.
 type Lanes = [f64; LANES];
 
 /// Nonzero basis functions of a scattering model for one direction pair, in ascending order: a constant, then runs of

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 /// Decoded beginning of a chunk of samples on a grid of angles: everything in front of the coded means and details.
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
-    /// Upper bound on the logarithms of negative samples' magnitudes.
+    /// Largest logarithm of a negative sample's magnitude that decodes; larger ones are lowered to it. `None` without
+    /// such a bound.
     pub(super) negative_bound: Option<f32>,
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,
@@ -42,10 +43,11 @@ impl<'a> Opened<'a> {
         (length, level): (usize, Option<usize>),
     ) -> Result<Self, CodecError> {
         let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
-        let shape = Shape::of(axes).ok_or_else(|| malformed("a grid chunk without directions on a grid"))?;
+        let shape = Shape::of(axes)
+            .ok_or_else(|| malformed("the file has a grid chunk, but its directions are on no grid of angles"))?;
         let rows = shape.rows();
         if basis.is_some() && shape.length() == 1 {
-            return Err(malformed("a basis chunk without a last axis behind the directions"));
+            return Err(malformed("the file has a basis chunk, but no axis behind the directions"));
         }
         let basis = basis.map(|chunk| Basis::decode(chunk, axes, (rows, MAX_GRID_RANK), step)).transpose()?;
         let mut r = Reader::new(coded, 0);
@@ -63,14 +65,17 @@ impl<'a> Opened<'a> {
             // The coarsest comes first.
             if let Some(coarsest) = levels.first().filter(|level| level.left_out > order.len()) {
                 let (stated, halvings) = (coarsest.left_out, order.len());
-                let reason =
-                    format!("a level leaves out {stated} halvings, expected at most the {halvings} that there are");
+                let reason = format!(
+                    "a coarser level leaves out {stated} halvings of the angle grid, expected at most all {halvings}"
+                );
                 return Err(malformed(&reason));
             }
             let vectors = basis.as_ref().map_or(planes.length(), Basis::rank);
             let model = model.map(|kind| {
                 let model = GridModel::new(kind, &planes);
-                let model = model.ok_or_else(|| malformed("a model of directions that are not there"))?;
+                let model = model.ok_or_else(|| {
+                    malformed("the scattering model in the grid chunk does not suit the directions of the material")
+                })?;
                 let coefficients = model.code(decoder, step, vectors, None, &mut 0);
                 Ok::<_, CodecError>((model, coefficients))
             });
@@ -80,7 +85,10 @@ impl<'a> Opened<'a> {
             let stream = match level {
                 None => r.take(r.remaining(), "grid")?,
                 Some(level) => {
-                    let end = levels.get(level).map(|level| level.end).ok_or_else(|| malformed("no such level"))?;
+                    let end = levels
+                        .get(level)
+                        .map(|level| level.end)
+                        .ok_or_else(|| malformed("the grid chunk does not list the resolution level asked for"))?;
                     // A level is decoded from its own bytes only, however many follow.
                     let cut = CodecError::Truncated { at: r.offset() + r.remaining(), expected: "more of the level" };
                     r.take(end, "bytes of the level").map_err(|_| cut)?
@@ -169,11 +177,13 @@ pub(crate) fn decode_block(
     let opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
     let malformed = |reason: String| CodecError::Malformed { at: 0, reason };
     let Some(streams) = &opened.streams else {
-        return Err(malformed("incoming entries that are not decoded by themselves".to_owned()));
+        return Err(malformed(
+            "the material allows no random access: it codes all incoming directions together".to_owned(),
+        ));
     };
     let (planes, vectors) = (&opened.planes, opened.vectors());
     if entry >= planes.lattice().shape().incoming_entries() {
-        return Err(malformed(format!("there is no incoming entry {entry}")));
+        return Err(malformed(format!("the material has no incoming direction number {entry}")));
     }
     let unit = planes.lattice().unit_of(entry);
     let pyramid = planes.pyramid(&opened.order, &planes.weights(classes), unit);
@@ -232,7 +242,7 @@ impl Flags {
         let model = GridModel::kind_of(form, r)?;
         let has_both = |a: u8, b: u8| form & a != 0 && form & b != 0;
         if form & 128 != 0 || has_both(LEVELS, 1) || has_both(WEIGHS_NEGATIVE, 2) {
-            return Err(r.malformed(format!("form {form} of a grid chunk is unknown")));
+            return Err(r.malformed(format!("the form {form} of the grid chunk (its first byte) is unknown")));
         }
         Ok(Self {
             random: form & 1 != 0,

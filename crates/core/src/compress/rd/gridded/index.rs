@@ -57,7 +57,7 @@ pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
 pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
     let count = r.size(MOST, "number of levels")?;
     if count == 0 {
-        return Err(r.malformed("0 levels of a grid chunk, expected at least 1"));
+        return Err(r.malformed("the grid chunk lists 0 coarser levels, expected at least 1"));
     }
     let mut levels: Vec<GridLevel> = Vec::with_capacity(count);
     for _ in 0..count {
@@ -65,7 +65,7 @@ pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, Cod
         let more = r.size(usize::MAX >> 1, "bytes of a level")?;
         let left_out = usize::from(r.u8("halvings that a level leaves out")?);
         if more == 0 || left_out == 0 || before.is_some_and(|before| before.left_out <= left_out) {
-            return Err(r.malformed("a level of a grid chunk that is no finer than the one before"));
+            return Err(r.malformed("the coarser levels of the grid chunk are not listed from coarse to fine"));
         }
         let er_l2 = read_error(r, "er(L2) of a level")?;
         let er_l2 = if er_l2 >= f64::from(rounded_up(f64::MAX)) { f64::MAX } else { er_l2 };
@@ -73,7 +73,9 @@ pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, Cod
     }
     let (needed, behind) = (levels[count - 1].end, end.saturating_sub(r.offset()));
     if needed > behind {
-        return Err(r.malformed(format!("the levels need {needed} bytes of the stream, but {behind} follow")));
+        return Err(r.malformed(format!(
+            "the coarser levels need {needed} bytes behind their table, but the grid chunk has {behind} there"
+        )));
     }
     Ok(levels)
 }

@@ -103,7 +103,8 @@ impl Shape {
         self.blocks * self.lines[..self.incoming].iter().map(|line| line.positions.len()).product::<usize>()
     }
 
-    /// Returns true if each axis in front of the outgoing directions has only one entry.
+    /// Returns true if the tensor has only one slice of outgoing directions: each axis in front of them has a single
+    /// entry.
     pub(crate) fn is_single(&self) -> bool {
         self.incoming_entries() == 1
     }

@@ -42,7 +42,7 @@ impl GridModel {
             0 => Ok(None),
             code => match ChartKind::from_code(code) {
                 Some(kind) if kind != ChartKind::Zonal => Ok(Some(kind)),
-                _ => Err(r.malformed(format!("model {code} of a grid chunk is unknown"))),
+                _ => Err(r.malformed(format!("the code {code} of the scattering model in the grid chunk is unknown"))),
             },
         }
     }
@@ -87,7 +87,7 @@ impl GridModel {
     }
 }
 
-/// Exchanges the first two axes of an array, from `[a, b, length]` to `[b, a, length]`.
+/// Exchanges the first two axes of an array of rows of `length` numbers, from `[a, b, length]` to `[b, a, length]`.
 fn exchanged(values: &[f32], [a, b, length]: [usize; 3]) -> Vec<f32> {
     let row = |at: usize| &values[at * length..][..length];
     (0..b).flat_map(|j| (0..a).flat_map(move |i| row(i * b + j))).copied().collect()

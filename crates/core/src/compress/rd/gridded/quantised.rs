@@ -13,7 +13,7 @@ pub(super) fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
     Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns, dead_zone: 0.0 }
 }
 
-/// Limits the logarithms of negative samples' magnitudes to at most `bound`.
+/// Lowers decoded logarithms of negative samples' magnitudes to `bound` where they exceed it.
 pub(super) fn bound_negative(bound: Option<f32>, classes: Option<&[Class]>, values: &mut [f32]) {
     if let (Some(bound), Some(classes)) = (bound, classes) {
         for (value, _) in values.iter_mut().zip(classes).filter(|(_, class)| **class == Class::Negative) {

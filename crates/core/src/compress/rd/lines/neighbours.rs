@@ -51,7 +51,7 @@ impl Places {
         Self { lengths, tables }
     }
 
-    /// Number of grid nodes, which is also the index of the array place for missing neighbours.
+    /// Returns the number of grid nodes. An array by node has one more element, for missing neighbours, at this index.
     pub(super) fn count(&self) -> usize {
         self.lengths.iter().product()
     }
@@ -61,7 +61,7 @@ impl Places {
         self.lengths[..AXES - 1].iter().product()
     }
 
-    /// Coordinates of a row of grid nodes on all axes but the last.
+    /// Returns the coordinates, on all axes but the last, that the nodes of row number `row` of the grid share.
     pub(super) fn coordinates(&self, row: usize) -> [usize; AXES - 1] {
         let mut rest = row;
         let mut coordinates = [0; AXES - 1];
@@ -79,8 +79,8 @@ impl Places {
         Along { first, last: index(distance[AXES - 1]) as u32 }
     }
 
-    /// Part that the last axis contributes to array indices: for each coordinate on it, the offsets of the neighbours
-    /// −2 … 2 nodes away.
+    /// Returns the parts of row-major indices that stand for neighbours −2 … 2 nodes away along the last axis, for each
+    /// coordinate on it.
     pub(super) fn last_axis(&self) -> Vec<[u32; DISTANCES]> {
         let tables = &self.tables[AXES - 1];
         (0..self.lengths[AXES - 1]).map(|x| std::array::from_fn(|d| tables[d][x])).collect()

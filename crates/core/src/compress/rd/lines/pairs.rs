@@ -23,7 +23,8 @@ fn for_each_pair(children: [usize; AXES], axis: usize, mut each: impl FnMut(usiz
     }
 }
 
-/// Sums the weights of each pair of neighbours along an axis.
+/// Sums the weights of neighbouring grid nodes along an axis, pair by pair: the weights of the coarser nodes into which
+/// the pairs merge.
 pub(super) fn sums(weights: &[f32], children: [usize; AXES], axis: usize) -> Vec<f32> {
     let mut sums = vec![0.0; weights.len() / children[axis] * children[axis].div_ceil(2)];
     for_each_pair(children, axis, |parent, first, second| {

@@ -65,7 +65,8 @@ pub(super) struct Learned<'a> {
     /// Number of quantiser steps in a change of 1 in the natural logarithm of a sample. If the samples themselves are
     /// coded, a fixed number of quantiser steps takes its place as the scale of predictions.
     pub(super) unit: f64,
-    /// True if adaptive least squares predict details in addition to the fixed filters.
+    /// True if adaptive least squares predict details (differences of merged neighbours) in addition to the fixed
+    /// filters.
     pub(super) learns: bool,
 }
 

@@ -21,8 +21,8 @@ pub(crate) struct Quantiser {
     /// Factor that scales limits of the predictor, such as the largest prediction, to the coded values. It is 1 for
     /// natural logarithms, and a fixed multiple of the quantiser step for samples.
     pub(crate) unit: f64,
-    /// True if adaptive least squares predict details in addition to the fixed filters. They gain on large noisy
-    /// arrays, and lose on small smooth ones.
+    /// True if adaptive least squares predict details (differences of merged neighbours) in addition to the fixed
+    /// filters. They gain on large noisy arrays, and lose on small smooth ones.
     pub(crate) learns: bool,
     /// Extra width of an encoder's zero bin, in quantiser steps: prediction residuals within 0.5 + this become 0. In
     /// smooth functions most details are 0, and an isolated ±1 costs more bits than its error is worth.

@@ -77,7 +77,8 @@ impl Template {
         self.differences.len() + self.slopes.len() + self.details.len() + BEFORE * self.others.len()
     }
 
-    /// Returns true if the grid axis along which nodes merge in pairs has more than one entry.
+    /// Returns true if the grid axis along which these nodes merge in pairs has more than one entry, so that a node has
+    /// neighbours along it.
     pub(super) fn is_long(&self) -> bool {
         self.is_long
     }

@@ -43,7 +43,9 @@ fn decode_random(
     finish: Option<Values>,
 ) -> Result<Vec<f32>, CodecError> {
     if finest < usize::from(opened.shape.mesh().level()) {
-        return Err(opened.r.malformed("blocks decoded by themselves have no coarser levels"));
+        return Err(opened.r.malformed(
+            "the material has no coarser resolution levels, because it codes every incoming direction on its own",
+        ));
     }
     let (fineness, count) = ((step, opened.vectors()), opened.representatives.len());
     let streams = opened.streams()?;
@@ -73,7 +75,7 @@ pub(crate) struct Levels<'a> {
     pyramid: Option<Pyramid>,
     /// Entropy decoder, placed where the coded details of the triangles begin.
     decoder: Decoder<'a>,
-    /// Offset of the entropy-coded stream from the start of the chunk, in bytes.
+    /// Offset of the entropy-coded stream from the end of the table of resolution levels in the chunk, in bytes.
     start: usize,
 }
 
@@ -87,7 +89,9 @@ impl<'a> Levels<'a> {
     ) -> Result<Self, CodecError> {
         let opened = Opened::new(axes, step, chunks)?;
         if opened.opening.random {
-            return Err(opened.r.malformed("blocks decoded by themselves have no coarser levels"));
+            return Err(opened.r.malformed(
+                "the material has no coarser resolution levels, because it codes every incoming direction on its own",
+            ));
         }
         let mut levels = Self::of(opened, classes, step)?;
         levels.model = levels.opened.model(&levels.coefficients, 0..levels.opened.representatives.len());
@@ -133,12 +137,15 @@ pub(crate) fn decode_block(
 ) -> Result<Vec<f32>, CodecError> {
     let mut opened = Opened::new(axes, step, chunks)?;
     if !opened.opening.random {
-        return Err(opened.r.malformed("blocks that are not decoded by themselves"));
+        return Err(opened
+            .r
+            .malformed("the material allows no random access: it codes all incoming directions together"));
     }
     let streams = opened.streams()?;
     let group = &opened.opening.group;
     let found = if block < opened.shape.blocks() { opened.representatives.of_block(group, block) } else { None };
-    let (k, member) = found.ok_or_else(|| opened.r.malformed(format!("there is no block {block}")))?;
+    let (k, member) =
+        found.ok_or_else(|| opened.r.malformed(format!("the material has no incoming direction number {block}")))?;
     let (vectors, leaves, n) = (opened.vectors(), opened.shape.leaves(), opened.shape.length());
     let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
     let mut decoded = if opened.opening.alone {
@@ -161,14 +168,16 @@ pub(crate) fn decode_block(
 
 /// Returns true if every block (incoming direction) of a pyramid chunk is a byte stream of its own.
 pub(crate) fn is_random(axes: &[Axis], coded: &[u8]) -> Result<bool, CodecError> {
-    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
+    let no_triangles =
+        || CodecError::Malformed { at: 0, reason: "the file has a pyramid chunk, but no axis of triangles".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
     Ok(Opening::read(&shape, &mut Reader::new(coded, 0))?.random)
 }
 
 /// For each block (incoming direction) of a tensor, number of the coded block that represents it by symmetry.
 pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
-    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
+    let no_triangles =
+        || CodecError::Malformed { at: 0, reason: "the file has a pyramid chunk, but no axis of triangles".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
     let group = Opening::read(&shape, &mut Reader::new(coded, 0))?.group;
     let by_block = group.representatives().by_block(&group, shape.blocks());
@@ -189,11 +198,16 @@ struct Opened<'a> {
 impl<'a> Opened<'a> {
     fn new(axes: &[Axis], step: f32, (basis, coded): (Option<&[u8]>, &'a [u8])) -> Result<Self, CodecError> {
         let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
-        let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
+        let shape =
+            Shape::of(axes).ok_or_else(|| malformed("the file has a pyramid chunk, but no axis of triangles"))?;
         let basis = match basis {
             Some(chunk) if shape.length() > 1 => Some(Basis::decode(chunk, axes, (shape.rows(), MAX_RANK), step)?),
             None if shape.length() == 1 => None,
-            _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
+            _ => {
+                return Err(malformed(
+                    "the file has a basis chunk but no spectral axis, or a spectral axis but no basis chunk",
+                ));
+            }
         };
         let mut r = Reader::new(coded, 0);
         let opening = Opening::read(&shape, &mut r)?;
@@ -202,7 +216,9 @@ impl<'a> Opened<'a> {
             None => None,
             Some(kind) => {
                 let chart = Chart::of_triangles(kind, &shape, &representatives);
-                Some(chart.ok_or_else(|| malformed("a model that makes no sense here"))?)
+                Some(chart.ok_or_else(|| {
+                    malformed("the scattering model in the pyramid chunk does not suit the directions of the material")
+                })?)
             }
         };
         Ok(Self { shape, opening, basis, representatives, chart, r })

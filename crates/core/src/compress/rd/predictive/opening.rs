@@ -24,10 +24,16 @@ impl Opening {
         let mut generators = Vec::new();
         while number > 0 {
             let digit = (number % base).checked_sub(1).map(|digit| known[digit as usize]);
-            generators.push(digit.ok_or_else(|| r.malformed("symmetries with a digit 0"))?);
+            generators.push(digit.ok_or_else(|| {
+                r.malformed(
+                    "the number that encodes the symmetries in the pyramid chunk has a digit 0, which stands for none",
+                )
+            })?);
             number /= base;
         }
-        let group = Group::of(shape, &generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
+        let group = Group::of(shape, &generators).ok_or_else(|| {
+            r.malformed("a symmetry in the pyramid chunk maps directions of the material out of their domain")
+        })?;
         let (alone, random) = (first >> 2 & 1 == 1, first >> 3 & 1 == 1);
         Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone, random, group })
     }

@@ -249,8 +249,8 @@ impl<'a> Batches<'a> {
         self.problems.add(0, 0, || format!("row {row}, column {}: found {found}, expected {expected}", snippet(name)));
     }
 
-    /// Reads the column of angle `k` (in the order of the angles of a row) into the directions from number `first_row`
-    /// on.
+    /// Reads the column of angle `k` (0 `theta_i`, 1 `phi_i`, 2 `theta_o`, 3 `phi_o`) of a record batch into the
+    /// directions from index `first_row` on.
     fn angles(&mut self, k: usize, name: &str, numbers: Numbers<'_>, first_row: usize) {
         let Some(angle) = self.read.angles[k] else { return };
         let unit = if angle.radians { FLOAT32_RADIANS } else { FLOAT32_DEGREES };
@@ -285,7 +285,8 @@ impl<'a> Batches<'a> {
         lambdas
     }
 
-    /// Appends the values of a column of float32 lists that already have the layout of rows; `count` numbers in total.
+    /// Appends the first `count` numbers of a column of float32 lists, whose order is already that of the values in the
+    /// rows.
     fn whole_rows(&mut self, name: &str, numbers: Numbers<'_>, count: usize) {
         let (stored, _) = numbers.bytes.as_chunks::<4>();
         let mut infinite = false;
@@ -304,7 +305,8 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Copies the numbers of a column into their cells of every row; the rows begin at value number `base`.
+    /// Copies the numbers of a column of a record batch into their cells of every row. The values of the batch's first
+    /// row start at index `base` of all values read so far.
     fn values(&mut self, name: &str, cells: &[Cell], numbers: Numbers<'_>, base: usize) {
         let width = self.read.width();
         for row in 0..(self.rows.values.len() - base) / width {
@@ -325,7 +327,9 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Assigns wavelengths and directions to the values from number `base` on; the directions start at `first_row`.
+    /// Assigns wavelengths and directions to the values of a record batch, and divides these by |cos θo| if the file
+    /// has multiplied them by it. The values start at index `base` of all values read so far, their directions at index
+    /// `first_row` of all directions.
     fn file(&mut self, base: usize, first_row: usize, lambdas: &[u32]) {
         let width = self.read.width();
         let rows = &mut self.rows;

@@ -37,8 +37,8 @@ const LEAST_NOISE: f64 = 1e-3;
 /// Upper bound on the iterations that refine a rough fit of the background beneath a possible narrow lobe. The
 /// background is the measured function without the lobe.
 const ROUNDS: usize = 10;
-/// Least relative noise of the samples assumed in a rough fit of the background about a possible lobe centre, which is
-/// then refined at the measured noise.
+/// Least noise, relative to the values of the samples, that a rough fit of the background about a possible lobe centre
+/// assumes. The fit is then refined at the measured noise.
 const FIRST_NOISE: f64 = 0.02;
 
 /// A possible lobe centre, such as the mirror direction, about which samples are brighter than their neighbours.
@@ -46,7 +46,7 @@ pub(super) struct Candidate {
     pub(super) near: Near,
     /// Usual spacing of the samples about the possible lobe centre, in radians.
     pub(super) spacing: f64,
-    /// Standard deviation of the samples' logarithms about the prediction from neighbours.
+    /// Standard deviation of the logarithms of the samples about their predictions from neighbours.
     pub(super) noise: f64,
     /// Coefficients of the background beneath the possible lobe, under each incoming direction. They are fitted to the
     /// samples in a ring about the lobe centre.
@@ -109,8 +109,8 @@ pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     (OF_MEDIAN * *median * (count as f64 / left as f64).sqrt()).max(LEAST_NOISE)
 }
 
-/// Returns the robust standard deviation of the logarithms of all samples about the fitted background, with or without
-/// a lobe.
+/// Returns the robust standard deviation of the logarithms of all samples about the fit: the background and, if `shape`
+/// is given, the lobe.
 pub(super) fn noise_of(near: &Near, bases: &[[f64; TERMS]], shape: Option<super::shape::Shape>) -> f64 {
     let prepared = shape.map(|shape| shape.prepared());
     let mut residuals = Vec::new();

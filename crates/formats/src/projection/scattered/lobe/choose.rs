@@ -18,7 +18,8 @@ const WIDER: f64 = 1.6;
 const WIDTHS: usize = 7;
 /// Tail parameters of a lobe, from 0 (Gaussian) to 1/2 (GGX), from which fits start.
 const TAILS: [f64; 3] = [LEAST_TAIL, 0.2, 0.5];
-/// Rounds after which competing fits of a lobe are compared, each with the number of fits that continue.
+/// Numbers of iterations after which competing fits of a lobe are compared, each with the number of best fits that
+/// continue.
 const ROUNDS: [(usize, usize); 3] = [(1, 8), (5, 2), (30, 1)];
 /// Ratio to the least misfit up to which a coordinate system for the lobe (angles or half-vector slopes from the mirror
 /// direction) is tried further after the first lobe fit in each. Raising it makes more fits.
@@ -35,8 +36,8 @@ const REACH: f64 = 8.0;
 /// Upper bound on the distance from the centre of a lobe up to which samples take part in its fit, as a chord on the
 /// unit sphere.
 const FARTHEST: f64 = 0.7;
-/// Number of rounds of a cross-validation fit, which leaves out one fold of the samples and starts from the fit to all
-/// samples.
+/// Number of iterations of a cross-validation fit, which leaves out one fold of the samples and starts from the fit to
+/// all samples.
 const FOLD_ROUNDS: usize = 10;
 /// Least reduction of the robust cross-validation cost by a lobe for the lobe to be accepted. Raising it finds fewer
 /// lobes.
@@ -53,14 +54,14 @@ const ENOUGH_OF_LOBE: usize = 8;
 /// Multiple of the noise below which the misfit of a lobe's form is ignored. Raising it trusts the form more.
 const MISFIT: f64 = 1.5;
 /// Approximate number of samples, for each incoming direction, that the fit of a lobe uses in the wider surroundings of
-/// the lobe. They determine the values without it, and how slowly it falls off. Raising the number is slower.
+/// the lobe. These samples determine the background, and how slowly the lobe falls off. Raising the number is slower.
 const THIN: usize = 160;
 /// Radius about the centre of a lobe within which its fit uses all samples, as a multiple of the sum of the lobe's
 /// half-width and the sample spacing.
 const ALL_WITHIN: f64 = 3.0;
 /// Least number of samples brighter than the background for a lobe to be accepted.
 const FEWEST: usize = 3;
-/// Predicted excess over the background, in natural logarithms, from which a sample belongs to the lobe.
+/// Excess over the background that the lobe predicts, in natural logarithms, from which a sample belongs to the lobe.
 const SHARE: f64 = 0.1;
 /// Least fraction of the samples in the lobe that must be brighter than the background for the lobe to be accepted.
 const MOST: f64 = 0.7;
@@ -197,8 +198,8 @@ fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option
     fits.into_iter().next().map(|best| (near, best))
 }
 
-/// Returns the starting point of a lobe fit with this width and tail. The starting height is the median over the
-/// samples brighter than the background.
+/// Returns a starting point for the fit of a lobe with the given half-width and tail parameter. The initial height is
+/// the median of those that the samples brighter than the background suggest; `None` if no sample is brighter.
 fn start(
     near: &Near,
     bases: &[[f64; TERMS]],
@@ -315,8 +316,8 @@ fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     costs.iter().sum()
 }
 
-/// Returns true if enough samples are brighter than the background, including most of those for which the lobe predicts
-/// it.
+/// Returns true if enough samples are brighter than the background, including most samples that the lobe should
+/// brighten.
 fn is_seen(found: &Found) -> bool {
     let prepared = found.shape.prepared();
     let (mut high, mut of_lobe) = (0, 0);

@@ -32,7 +32,8 @@ pub(super) struct Sample {
     pub(super) terms: [f64; TERMS],
     /// Coordinates of the sample in the plane of the lobe: half-vector slopes, or the chord to the centre and 0.
     pub(super) place: [f64; 2],
-    /// −ln cos θi of the incoming polar angle θi, minus its mean over all incoming directions.
+    /// Difference of the sample's −ln cos θi, where θi is the incoming polar angle, from the mean over all incoming
+    /// directions.
     pub(super) t: f64,
     /// Cosines of the incoming and the outgoing polar angle of the sample.
     pub(super) cosines: [f64; 2],
@@ -121,7 +122,7 @@ impl Near {
         found.get(found.len() / 2).map(|spacing| spacing * half)
     }
 
-    /// Yields the samples of all incoming directions.
+    /// Yields the samples near the lobe centre under all incoming directions.
     pub(super) fn all(&self) -> impl Iterator<Item = &Sample> {
         self.groups.iter().flatten()
     }

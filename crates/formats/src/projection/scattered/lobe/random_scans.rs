@@ -16,9 +16,9 @@ type Truth = dyn Fn(Direction, Direction) -> f64;
 enum Way {
     Spiral,
     Random,
-    /// The samples are denser about the mirror direction.
+    /// The scan samples outgoing directions more densely about the mirror direction than elsewhere.
     Adaptive,
-    /// The samples cover one side of the plane of incidence only.
+    /// The scan samples outgoing directions on one side of the plane of incidence only.
     Half,
 }
 

@@ -28,7 +28,8 @@ pub(super) struct Shape {
     pub(super) numbers: [f64; NUMBERS],
 }
 
-/// Logarithm of a lobe at a sample, and its derivatives by the fitted parameters.
+/// Natural logarithm of the value of a lobe at a sample, and the derivatives of this logarithm by the fitted
+/// parameters.
 pub(super) struct Value {
     pub(super) log: f64,
     pub(super) slopes: [f64; NUMBERS],

@@ -85,8 +85,8 @@ struct Reduced {
     matrix: [[f64; NUMBERS]; NUMBERS],
     right: [f64; NUMBERS],
     scales: [f64; NUMBERS],
-    /// For each incoming direction, the Cholesky factor and right-hand side of the normal equations whose solution is
-    /// the background beneath the lobe.
+    /// For each incoming direction, the Cholesky factor and the right-hand side of the normal equations for the
+    /// coefficients of the background beneath the lobe.
     factored: Vec<([[f64; TERMS]; TERMS], [f64; TERMS])>,
 }
 
@@ -95,7 +95,7 @@ impl Problem<'_> {
         Some(sample.fold) != self.without && sample.distance >= self.beyond
     }
 
-    /// Fits the background alone, without a lobe.
+    /// Fits to the samples near a lobe centre the background alone, without a lobe.
     pub(super) fn base(&self) -> Fit {
         let medians = self.near.groups.iter().map(|group| {
             let mut logs: Vec<f64> =
@@ -135,7 +135,8 @@ impl Problem<'_> {
         best
     }
 
-    /// Returns the robust cost of a fit, including the priors of its parameters.
+    /// Returns the robust cost of a fit of lobe and background: the costs of the residuals of the samples, plus those
+    /// of the deviations of the parameters from their priors.
     fn cost(&self, fit: &Fit, blocks: &[Block]) -> f64 {
         let samples: f64 = blocks.iter().map(|block| block.cost).sum();
         let bases: f64 = fit.bases.iter().flat_map(|base| &base[1..]).map(|b| (b / BASE_DEVIATION).powi(2)).sum();
