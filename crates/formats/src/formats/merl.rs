@@ -122,7 +122,10 @@ impl Table {
         let malformed =
             |offset: usize, message: String| FormatError::at_byte(FormatErrorKind::Malformed, NAME, offset, message);
         let Some(orders) = dimensions(bytes) else {
-            return Err(malformed(bytes.len(), format!("{} bytes, expected a table behind {HEAD} bytes", bytes.len())));
+            return Err(malformed(
+                bytes.len(),
+                format!("a file of {} bytes, expected a table behind {HEAD} bytes", bytes.len()),
+            ));
         };
         let Some((swapped, azimuths)) =
             orders.into_iter().find_map(|(swapped, dimensions)| Some((swapped, azimuths(dimensions)?)))
@@ -228,7 +231,7 @@ pub fn write_merl(function: &dyn DirectionalFunction) -> Result<Written, FormatE
     for (channel, scale) in SCALES.into_iter().enumerate() {
         for value in rows.iter().flat_map(|row| &row.values[channel * AZIMUTHS..][..AZIMUTHS]) {
             if !(f64::from(f32::MIN)..=f64::from(f32::MAX)).contains(value) {
-                let message = format!("the function is {value:e}, expected a finite number");
+                let message = format!("the BRDF is {value:e}, expected a finite number");
                 return Err(FormatError::new(FormatErrorKind::Malformed, NAME, message));
             }
             bytes.extend((value / scale).to_le_bytes());

@@ -28,7 +28,7 @@ pub(super) const ABOUT: Format = Format {
 pub fn write_tabphase(values: &[f64]) -> Result<Vec<u8>, FormatError> {
     let refuse = |kind, message: String| Err(FormatError::new(kind, NAME, message));
     if values.len() > MAX_ENTRIES {
-        let message = format!("{} values, expected at most {MAX_ENTRIES}", values.len());
+        let message = format!("a phase function of {} values, expected at most {MAX_ENTRIES}", values.len());
         return refuse(FormatErrorKind::OverLimit, message);
     }
     let usable = values.iter().all(|value| (0.0..=f64::from(f32::MAX)).contains(value));

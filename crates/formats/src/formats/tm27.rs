@@ -252,7 +252,7 @@ impl<'a> Document<'a> {
         }
         if self.stack.len() >= MAX_DEPTH {
             let message =
-                format!("an element inside {MAX_DEPTH} others, expected at most {MAX_DEPTH} inside each other");
+                format!("an XML element inside {MAX_DEPTH} others, expected at most {MAX_DEPTH} nested elements");
             return Err(self.source.error(FormatErrorKind::OverLimit, offset, message));
         }
         let mut wavelength = None;
@@ -391,11 +391,7 @@ mod tests {
             (good.replace("</SpectralQuantity>", "</Spectral>"), Malformed, "not well formed"),
             (good.replace("?>", "?><!DOCTYPE IESTM2714 SYSTEM \"x.dtd\">"), Unsupported, "document type"),
             (document("relative", "</SpectralDistribution><SpectralDistribution>"), Unsupported, "a second"),
-            (
-                document("relative", &format!("{}{}", "<a>".repeat(20), "</a>".repeat(20))),
-                OverLimit,
-                "inside each other",
-            ),
+            (document("relative", &format!("{}{}", "<a>".repeat(20), "</a>".repeat(20))), OverLimit, "nested elements"),
             (format!("{good}<IESTM2714/>"), Malformed, "expected one"),
         ] {
             let error = plain(&text).unwrap_err();

@@ -15,7 +15,8 @@ wavelume_core::declare_notes! {
 
         // Planes of type C.
         Warning VerticalAnglesUnusual { first_degrees: Brief, last_degrees: Brief } =>
-            "vertical angles {first_degrees}° to {last_degrees}°, the standard has 0–90, 90–180 or 0–180; 0 outside";
+            "vertical angles {first_degrees}° to {last_degrees}°, the standard has 0–90, 90–180 or 0–180; \
+             intensities outside are 0";
         Filled PolesAveraged { pole: &'static str, low: f32, high: f32, average: f32 } =>
             "the planes disagree at {pole} ({low} to {high}), where they meet: averaged to {average}";
         Assumed OnePlane { plane_degrees: Brief } => "one plane at C{plane_degrees}, taken to hold all round";
@@ -43,7 +44,7 @@ wavelume_core::declare_notes! {
         Warning LinesAfterIntensities { lines: usize, first: Quoted } =>
             "{lines} lines after the last intensity were not read, the first is {first}";
         Warning SymmetryContradicted { symmetry: &'static str, intensities: usize, planes: &'static str } =>
-            "the file says {symmetry}, but has the {intensities} intensities of {planes}: read so";
+            "the file says {symmetry}, but has the {intensities} intensities of {planes}: read as {planes}";
 
         // LM-63.
         Warning FluxNegative { flux_lm: Brief } =>
@@ -51,7 +52,7 @@ wavelume_core::declare_notes! {
         Warning Field12NotOne { found: Brief, revision: &'static str } =>
             "field 12 is {found}, expected 1 in {revision}; it does not enter the intensities";
         Warning RevisionUnknown { tag: Quoted } => "unknown revision {tag}, read as LM-63-2002";
-        Warning MoreContinuesNothing => "[MORE] continues nothing; kept as a keyword of its own";
+        Warning MoreContinuesNothing => "[MORE] follows no keyword to continue; kept as a keyword of its own";
         Skipped LongText { lines: usize, most_keywords: usize, most_bytes: usize } =>
             "{lines} lines of text beyond {most_keywords} or longer than {most_bytes} bytes";
         Assumed NoVersionTag => "no version tag, read as LM-63-1986";

@@ -16,8 +16,9 @@ wavelume_core::declare_notes! {
         Assumed MomentsNotFactored => "Legendre moments without the factor 2m + 1, as none is larger than 1";
         Filled MomentsExpanded { angles: usize } => "the moments became a table of {angles} angles";
         Assumed CoarserDirections { outgoing_degrees: f64, incoming_degrees: f64, step_degrees: Brief } =>
-            "directions {outgoing_degrees} degrees apart are enough, {incoming_degrees} for incoming ones, though the table \
-             has steps of {step_degrees} degrees: name the levels for more";
+            "triangles suit outgoing directions {outgoing_degrees} and incoming ones {incoming_degrees} degrees apart, \
+             though the table has steps of {step_degrees} degrees: give outgoing_level and incoming_level for \
+             finer ones";
         Assumed WavelengthsNormalised { wavelengths: usize } =>
             "each of {wavelengths} wavelengths is normalised separately; the figures below are for the first";
         Filled EndsHeld { first_degrees: Brief, last_degrees: Brief } =>

@@ -33,7 +33,7 @@ wavelume_core::declare_notes! {
         // Angles that the file does not cover, or that the quantity does not have.
         Assumed OneAzimuthIsotropic => "incoming directions of one azimuth only: taken as isotropic";
         Assumed WithoutGrid =>
-            "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
+            "values between the angles are unknown (a single theta, or azimuths more than 90 degrees apart): taken as \
              directions without a grid";
         Assumed RotationallySymmetric { role: &'static str } =>
             "{role} samples have no azimuth: taken as rotationally symmetric about z";
@@ -67,7 +67,7 @@ fn level_reason(level: u8, natural: u8, is_requested: bool) -> String {
     } else if level < natural {
         format!("level {natural} would fit the samples, but makes the tensor too large")
     } else if level > natural {
-        format!("level {natural} would fit their spacing, but not represent what they say")
+        format!("level {natural} would fit the spacing of the samples, but not represent their values")
     } else {
         "the level whose mean cell size is nearest to the finer spacing".to_owned()
     }

@@ -27,7 +27,7 @@ wavelume_core::declare_notes! {
         Assumed AzimuthSector { angles: String, first_degrees: Brief, last_degrees: Brief } =>
             "{angles}: azimuths {first_degrees}° to {last_degrees}° taken as all there is, the rest of the circle is masked";
         Filled PolesFilled { samples: usize } =>
-            "{samples} samples at a pole, where all azimuths are one direction, from the others there";
+            "{samples} missing samples at a pole, where all azimuths are one direction: mean of the others there";
 
         // Analytic models.
         Assumed WavelengthNotStated { wavelength_nm: f64 } => "no wavelength stated, taken as {wavelength_nm} nm";
@@ -38,26 +38,32 @@ wavelume_core::declare_notes! {
 
         // MBSDF.
         Assumed PolarAnglesEven => "polar angles at i · 90°/n from the normal, held from the last one to 90°";
-        Filled HorizonRowsRepeated => "the rows nearest to the horizon repeated at it, so that the sides do not mix";
-        Assumed SidesLinear => "each side is linear between its own angles, both lists are kept";
+        Filled HorizonRowsRepeated =>
+            "reflection and transmission at the horizon repeat their nearest polar angle, so that the two do not mix";
+        Assumed SidesLinear =>
+            "reflection and transmission have different angles: each is interpolated linearly at those of the other";
 
         // MERL.
         Assumed BigEndian => "big-endian numbers, expected little-endian; swapped";
-        Assumed WholeTurn { cells: usize } => "{cells} cells of phi_d are a whole turn";
+        Assumed WholeTurn { cells: usize } => "the {cells} cells along phi_d are taken as a whole turn";
         Skipped NegativeMasked { values: usize, of: usize, lowest: f64 } =>
             "{values} of {of} numbers are negative, down to {lowest}: masked";
 
         // RGL.
         Assumed TwoAzimuthsIsotropic => "two incident azimuths are an isotropic material, evaluated at azimuth 0";
         Skipped RgbBesideSpectra => "the field `rgb` beside the spectra";
-        Skipped OtherFields { names: String } => "fields that say nothing about values: {names}";
-        Assumed ElevationsHeld { last_degrees: f64 } => "incident elevations from {last_degrees}° on are held to 90°";
+        Skipped OtherFields { names: String } => "fields without influence on the values: {names}";
+        Assumed ElevationsHeld { last_degrees: f64 } =>
+            "incident elevations end at {last_degrees}°: values there are taken to hold up to 90°";
         Assumed HalfTurnSymmetry { first_degrees: f64, last_degrees: f64 } =>
-            "incident azimuths from {first_degrees}° to {last_degrees}°: the same when turned by 180°";
+            "incident azimuths from {first_degrees}° to {last_degrees}°: surface taken as symmetric under \
+             rotation by 180°";
         Assumed MirrorSymmetry { first_degrees: f64, last_degrees: f64 } =>
-            "incident azimuths from {first_degrees}° to {last_degrees}°: its own mirror image along x and along y";
+            "incident azimuths from {first_degrees}° to {last_degrees}°: surface taken as mirror-symmetric \
+             along x and along y";
         Assumed AzimuthEndsHeld { first_degrees: f64, last_degrees: f64 } =>
-            "incident azimuths from {first_degrees}° to {last_degrees}°: held from the first and the last to the ends of the turn";
+            "incident azimuths from {first_degrees}° to {last_degrees}°: values at the first and the last are \
+             taken to hold beyond";
         Warning MissingMasked { values: usize, of: usize } =>
             "{values} of {of} numbers are missing (NaN); what would be interpolated from them is masked";
         Warning NegativeKept { values: usize, of: usize, lowest: f32 } =>

@@ -34,7 +34,7 @@ wavelume_core::declare_notes! {
         Assumed SpectralQuantityUnknown { stated: Quoted } =>
             "SpectralQuantity {stated}: only the shape of the spectrum is kept";
         Warning QuantityAsAsked { asked: String, held: String } =>
-            "taken as {asked} as asked; the file holds a {held}";
+            "quantity taken as {asked} as asked; the file holds a {held}";
         Warning WavelengthsSorted => "the wavelengths do not increase: sorted";
 
         // Spectrum joined with the intensities of a luminaire.

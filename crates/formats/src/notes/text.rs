@@ -17,6 +17,7 @@ wavelume_core::declare_notes! {
         Warning ColumnsWithoutHeader { columns: usize } =>
             "{columns} columns of values without a header, named 1 to {columns}";
         Skipped OtherFileNamed { key: String } => "`{key}` names another file, which is not opened";
-        Assumed OnlyMeasurementOfArchive { member: Quoted } => "{member} is the only measurement of the archive";
+        Assumed OnlyMeasurementOfArchive { member: Quoted } =>
+            "{member} was read, as the only measurement of the archive";
     }
 }

@@ -16,7 +16,7 @@ wavelume_core::declare_notes! {
         Assumed RoundedToFloat32 { element: &'static str } => "{element} values were rounded to float32";
         Assumed AnglesRounded { stored_as: &'static str } => "angles in {stored_as} are rounded to 0.0001 degrees";
         Warning QuantityAsAsked { asked: String, stated: String, source: &'static str } =>
-            "taken as {asked} as asked; the {source} says {stated}";
+            "quantity taken as {asked} as asked; the {source} says {stated}";
         Assumed UnitNotStated { unit: Unit } => "no unit stated, taken as {unit}";
         Warning UnitAsAsked { asked: Unit, stated: Unit, source: &'static str } =>
             "unit taken as {asked} as asked; the {source} says {stated}";
@@ -37,9 +37,9 @@ wavelume_core::declare_notes! {
                 ("angles listed twice", repeated_angles_percent),
                 ("azimuths at normal incidence", normal_incidence_percent),
             ]);
-        Skipped ExtentsWithoutGrid => "extents and covers of angles: the directions make no grid";
+        Skipped ExtentsWithoutGrid => "the stated extents and covers of angles, because the directions make no grid";
         Skipped UncertaintiesWithoutDirections =>
-            "the columns of sigma: uncertainties are used where there are directions";
+            "the columns of sigma: uncertainties are used for data with directions only";
     }
 }
 

@@ -146,16 +146,16 @@ pub enum LevelError {
 impl LevelError {
     fn refusal(&self, role: Role) -> String {
         match self {
-            Self::AboveLimit { found } => format!("{found} is above the limit of {MAX_LEVEL}"),
+            Self::AboveLimit { found } => format!("level {found} is above the limit of {MAX_LEVEL}"),
             Self::NoDirections => format!("the data have no {role} directions to choose a level for"),
             Self::Isotropic { elevations } => {
                 let s = if *elevations == 1 { "" } else { "s" };
                 format!("the data are isotropic ({elevations} elevation{s}), no {role} triangles to choose a level for")
             }
-            Self::NoTriangles { axis } => format!("the {role} axis is {}, no triangles", axis.describe()),
+            Self::NoTriangles { axis } => format!("the {role} axis is {}, expected triangles", axis.describe()),
             Self::TooFine { found, mesh } => {
                 let own = Axis::Triangles(*mesh).describe();
-                format!("{found} requested, the data are at level {} ({own})", mesh.level())
+                format!("level {found} was requested, expected at most {}, that of the data ({own})", mesh.level())
             }
         }
     }

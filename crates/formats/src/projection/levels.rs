@@ -221,6 +221,6 @@ mod tests {
         let mut fixed = choose(Role::Outgoing, Domain::Sphere, &angles, Some(7)).unwrap();
         assert!(!fixed.lower() && fixed.note(Role::Outgoing).message.contains("as requested"));
         let error = choose(Role::Outgoing, Domain::Sphere, &angles, Some(9)).unwrap_err();
-        assert_eq!(error.to_string(), "outgoing_level does not fit the data: 9 is above the limit of 8");
+        assert_eq!(error.to_string(), "outgoing_level does not fit the data: level 9 is above the limit of 8");
     }
 }

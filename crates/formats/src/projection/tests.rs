@@ -449,7 +449,7 @@ fn final_axes_stay_or_become_coarser() {
     // Samples after resampling are the tensor's own.
     assert_eq!(error_at_samples(&acquired, &resampled.measurement), None);
 
-    assert!(refusal(&acquired, &levels(None, Some(3))).contains("3 requested, the data are at level 2"));
+    assert!(refusal(&acquired, &levels(None, Some(3))).contains("level 3 was requested, expected at most 2"));
     assert!(refusal(&acquired, &wavelengths("1000:1100:10")).contains("measured 400 to 700 nm"));
 }
 

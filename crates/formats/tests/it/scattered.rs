@@ -278,7 +278,7 @@ fn levels_are_refined_until_the_material_fits() {
             .coverage
             .notes
             .iter()
-            .any(|note| note.message.contains("would fit their spacing, but not represent"))
+            .any(|note| note.message.contains("would fit the spacing of the samples, but not represent"))
     );
 }
 

@@ -75,7 +75,7 @@ pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<B
         };
         let (block, end) = block(bytes, at)?;
         if side.replace(block).is_some() {
-            return Err(malformed(start, "the same side of the surface twice, expected each once"));
+            return Err(malformed(start, "two tables for one side of the surface, expected one for each side"));
         }
         at = end;
     }
@@ -88,7 +88,7 @@ fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
     let head = bytes.get(at..at + 12).ok_or_else(|| {
         malformed(
             bytes.len(),
-            "the file ends in the head of a block, expected a type and two numbers of angles in 12 bytes",
+            "the file ends in the head of a table of values, expected 12 bytes: a type and two numbers of angles",
         )
     })?;
     let word = |i: usize| u32::from_le_bytes([head[4 * i], head[4 * i + 1], head[4 * i + 2], head[4 * i + 3]]);

@@ -18,7 +18,8 @@ pub fn restate_mbsdf(tensor: &Tensor, metadata: &[(String, String)]) -> Result<V
         _ => {
             return unfit(
                 NAME,
-                "axes that are not those of a measured BSDF, expected elevations, a grid and RGB or none",
+                "the axes are not those of a measured BSDF file, expected incoming elevations, an outgoing grid, and \
+                 RGB or no channels",
             );
         }
     };

@@ -55,7 +55,7 @@ pub fn write_mbsdf(grid: &MbsdfGrid, function: &dyn DirectionalFunction) -> Resu
     let side = row.and_then(|row| row.checked_mul(grid.theta)?.checked_mul(grid.theta));
     let Some((row, side)) = row.zip(side.filter(|&n| n <= MAX_SAMPLES / 2)) else {
         let message = format!(
-            "{} × {} × {} values of {channels} channels are more than {}",
+            "{} × {} × {} values of {channels} channels are more than the limit of {}",
             grid.theta,
             grid.theta,
             grid.phi,
@@ -99,7 +99,7 @@ pub fn write_mbsdf(grid: &MbsdfGrid, function: &dyn DirectionalFunction) -> Resu
             })
             .collect();
         if let Some(bad) = values.iter().find(|value| !value.is_finite()) {
-            let message = format!("the function is {bad:e}, expected a finite number");
+            let message = format!("the BSDF is {bad:e}, expected a finite number");
             return Err(FormatError::new(FormatErrorKind::Malformed, NAME, message));
         }
         filled += counts.iter().map(|counts| counts.0).sum::<usize>();

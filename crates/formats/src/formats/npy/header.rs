@@ -67,7 +67,7 @@ pub(super) fn parse_header(header: &str, data_at: usize) -> Result<Header, Forma
             "fortran_order" => fortran_order.replace(literal.boolean()?).is_some(),
             "shape" => shape.replace(literal.tuple()?).is_some(),
             other => {
-                let message = format!("key {}, expected descr, fortran_order and shape", snippet(other));
+                let message = format!("the header key {}, expected descr, fortran_order and shape", snippet(other));
                 return Err(literal.malformed(message));
             }
         };

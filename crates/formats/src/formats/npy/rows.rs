@@ -27,7 +27,7 @@ impl ArrayRows {
     /// Reads the header of an array from the first bytes of its file, up to [`ArrayRows::HEAD`] of them.
     pub fn of(head: &[u8]) -> Result<Self, FormatError> {
         if !Self::is_array(head) {
-            return Err(malformed(0, "found other bytes, expected an array"));
+            return Err(malformed(0, "the file does not begin with the signature of a NumPy array, expected an array"));
         }
         let (text, data_at) = header_of(head)?;
         let Header { element, fortran_order, shape } = parse_header(text, data_at)?;
@@ -35,7 +35,7 @@ impl ArrayRows {
             [rows, columns] if !fortran_order => Ok(Self { element, rows, columns, data_at }),
             _ => {
                 let order = if fortran_order { " in Fortran order" } else { "" };
-                let message = format!("an array {shape:?}{order}, expected [rows, columns] in C order");
+                let message = format!("an array of shape {shape:?}{order}, expected [rows, columns] in C order");
                 Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, data_at, message))
             }
         }

@@ -39,7 +39,7 @@ pub(super) fn read(
     }
     let vsf = table.says(says_volume);
     if table.wavelengths.len() > MAX_WAVELENGTHS {
-        let message = format!("{} angles, expected at most {MAX_WAVELENGTHS}", table.wavelengths.len());
+        let message = format!("{} scattering angles, expected at most {MAX_WAVELENGTHS}", table.wavelengths.len());
         return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
     }
     let (low, high) = table.wavelengths.iter().fold((f64::MAX, f64::MIN), |(a, b), &(x, _)| (a.min(x), b.max(x)));

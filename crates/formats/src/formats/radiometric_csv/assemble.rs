@@ -139,7 +139,8 @@ fn check_density(rows: &Rows, count: usize, of: &str, width: usize) -> Result<()
         return Ok(());
     }
     Err(over_limit(format!(
-        "{found} values at {count} {of} and {width} wavelengths: expected most {of} to have most wavelengths"
+        "{found} values for {count} {of} and {width} wavelengths, expected at most {MAX_SAMPLES} pairs of these, and a \
+         value for an eighth of them or more"
     )))
 }
 
@@ -183,7 +184,7 @@ fn without_directions(
     report: &mut ParseReport,
 ) -> Result<Samples, FormatError> {
     let Some(axis) = spectral else {
-        return Err(malformed("no wavelengths, expected a column of them or one for each"));
+        return Err(malformed("no wavelengths, expected a column `wavelength` or one column of values for each"));
     };
     let (axes, values) = if columns.is_wide() {
         let count = rows.values.len() / columns.width();

@@ -192,7 +192,7 @@ pub(super) fn read(
         && stated != found
     {
         let name = if found { "luminaire" } else { "surface" };
-        refuse(format!("the columns are angles of the {name}'s frame, the header states the other"));
+        refuse(format!("the columns are angles of the {name}'s frame, but `frame` in the header states the other one"));
     }
     check_directions(&columns, header, &mut refuse);
     if !unknown.is_empty() {

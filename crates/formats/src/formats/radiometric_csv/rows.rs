@@ -305,7 +305,7 @@ impl Parser<'_> {
                 None | Some(b'\n' | b'\r') if column == last => {}
                 None | Some(b'\n' | b'\r') => {
                     good = false;
-                    self.problem(at, || format!("{} cells, expected {} as there are columns", column + 1, last + 1));
+                    self.problem(at, || format!("a row of {} cells, expected {}, one a column", column + 1, last + 1));
                     break;
                 }
                 Some(_) => {

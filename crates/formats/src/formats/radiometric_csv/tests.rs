@@ -178,7 +178,7 @@ fn poles_are_one_direction_and_holes_are_masked() {
     let values = &grid(&acquisition).values;
     assert_eq!(values[..7], [5.0, 5.0, 5.0, 1.0, 2.0, 3.0, 4.0]);
     assert!(values[7].is_nan() && values[8].is_nan());
-    assert!(says(&acquisition, NoteKind::Filled, "2 samples at a pole"));
+    assert!(says(&acquisition, NoteKind::Filled, "2 missing samples at a pole"));
     assert!(says(&acquisition, NoteKind::Warning, "2 of 9 places of the grid"));
     let twice = good(&format!("{BRDF}theta_i,theta_o,phi_o,value\n10,20,0,1\n10,20,0,2\n10,20,0,6\n10,30,0,-1\n"));
     assert_eq!(grid(&twice).values, [3.0, -1.0]);
@@ -472,7 +472,7 @@ fn the_first_twenty_problems_are_listed_and_all_are_counted() {
     assert_eq!((error.kind, error.position), (FormatErrorKind::Malformed, Some(Position::Text { line: 9, column: 4 })));
     for part in [
         "radiometric-csv: line 9, column 4: found `x`, expected an angle from 0 to 90 degrees (theta_o)",
-        "line 10, column 8: 3 cells, expected 4",
+        "line 10, column 8: a row of 3 cells, expected 4",
         "line 11, column 10: more cells than the 4 columns, expected one for each (a decimal comma",
         "line 12, column 4: found `95`, expected an angle from 0 to 90 degrees (theta_o)",
         "line 12, column 7: found `1000`, expected an angle from -360 to 720 degrees (phi_o)",

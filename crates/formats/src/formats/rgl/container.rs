@@ -74,7 +74,7 @@ impl<'a> Fields<'a> {
         for _ in 0..count {
             let field = cursor.field()?;
             if fields.iter().any(|other| other.name == field.name) {
-                let message = format!("the field {} twice, expected each once", snippet(field.name));
+                let message = format!("the field {} is listed twice, expected each once", snippet(field.name));
                 return Err(malformed(field.entry, message));
             }
             fields.push(field);
@@ -94,7 +94,7 @@ impl<'a> Fields<'a> {
 
     /// Returns the error for a tensor file without the named array `name`.
     pub(super) fn missing(&self, name: &str) -> FormatError {
-        malformed(self.end, format!("the table of fields ends without `{name}`, expected it"))
+        malformed(self.end, format!("the list of fields ends without `{name}`, expected this field"))
     }
 
     /// Returns the names of all arrays of a tensor file, in file order.
@@ -176,11 +176,11 @@ impl<'a> Cursor<'a> {
         let entry = self.at;
         let length = u16::from_le_bytes(self.take("the length of a field's name")?);
         if length > MAX_NAME {
-            return Err(over_limit(entry, format!("a name of {length} bytes, expected at most {MAX_NAME}")));
+            return Err(over_limit(entry, format!("a field's name of {length} bytes, expected at most {MAX_NAME}")));
         }
         let start = self.at;
         let name = self.bytes.get(start..start + usize::from(length)).ok_or_else(|| {
-            malformed(start, format!("the file ends in a field's name: expected {length} bytes more than {start}"))
+            malformed(start, format!("the file ends in a field's name, expected {length} bytes from byte {start} on"))
         })?;
         let name = std::str::from_utf8(name).map_err(|e| {
             malformed(start + e.valid_up_to(), "a byte in a field's name that is not UTF-8, expected text")
@@ -188,12 +188,12 @@ impl<'a> Cursor<'a> {
         self.at = start + usize::from(length);
         let rank = u16::from_le_bytes(self.take("the number of a field's dimensions")?);
         if usize::from(rank) > MAX_AXES {
-            let message = format!("{} has {rank} dimensions, expected at most {MAX_AXES}", snippet(name));
+            let message = format!("the field {} has {rank} dimensions, expected at most {MAX_AXES}", snippet(name));
             return Err(over_limit(self.at - 2, message));
         }
         let [code] = self.take("the type of a field")?;
         let Some(&(kind, size)) = TYPES.get(usize::from(code)).filter(|(_, size)| *size > 0) else {
-            let message = format!("{} has the type {code}, expected 1 (u8) to 11 (f64)", snippet(name));
+            let message = format!("the field {} has the type {code}, expected 1 (u8) to 11 (f64)", snippet(name));
             return Err(malformed(self.at - 1, message));
         };
         let offset = u64::from_le_bytes(self.take("the offset of a field")?);
@@ -203,7 +203,8 @@ impl<'a> Cursor<'a> {
         }
         let data = self.data(&lengths, size, offset).ok_or_else(|| {
             let message = format!(
-                "{} has the shape {lengths:?} of {kind} at byte {offset}, expected it within the file's {} bytes",
+                "the field {} of shape {lengths:?} and type {kind} starts at byte {offset}, expected it within the \
+                 file's {} bytes",
                 snippet(name),
                 self.bytes.len()
             );

@@ -205,8 +205,7 @@ fn the_report_says_what_was_assumed() {
     assert_eq!(read.dialect, "isotropic, 2 elevations, 2 × 2 outgoing, 2 wavelengths");
     assert_eq!(read.report.metadata, [("description".to_owned(), "test".to_owned())]);
     let notes: Vec<&str> = read.report.notes.iter().map(|note| note.message.as_str()).collect();
-    for words in ["`valid`", "two incident azimuths", "1 of 32 numbers are missing", "down to -2.5e-1", "held to 90°"]
-    {
+    for words in ["`valid`", "two incident azimuths", "1 of 32 numbers are missing", "down to -2.5e-1", "up to 90°"] {
         assert!(notes.iter().any(|note| note.contains(words)), "{words}: {notes:?}");
     }
     let modelled = function(read);
@@ -215,7 +214,7 @@ fn the_report_says_what_was_assumed() {
     assert!(at(&modelled, (5.0, -3.0_f64.to_degrees()), (80.0, 20.0))[0].is_nan());
 
     let sector = File::turned(&[-2.9, 0.0, 2.9]).read().unwrap();
-    assert!(sector.report.notes.iter().any(|note| note.message.contains("ends of the turn")));
+    assert!(sector.report.notes.iter().any(|note| note.message.contains("taken to hold beyond")));
     assert!(sector.dialect.starts_with("anisotropic, 3 × 2 incident"));
     let mut rgb = File::plain();
     rgb.remove("wavelengths");

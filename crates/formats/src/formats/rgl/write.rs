@@ -109,10 +109,10 @@ fn check(grid: &RglGrid, channels: usize) -> Result<(), FormatError> {
         return malformed("incident azimuths, expected at least 3 from -180° to 180°, strictly increasing".to_owned());
     }
     if channels > MAX_WAVELENGTHS || grid.wavelengths.as_ref().is_some_and(|grid| !increasing(&grid.values())) {
-        return malformed("wavelengths, expected them to differ in f32".to_owned());
+        return malformed(format!("wavelengths, expected at most {MAX_WAVELENGTHS}, strictly increasing as float32"));
     }
     if grid.side < 2 {
-        return malformed(format!("{} nodes along a side, expected at least 2", grid.side));
+        return malformed(format!("{} nodes along a side of the outgoing table, expected at least 2", grid.side));
     }
     if grid.description.len() > MAX_TEXT {
         let message = format!("a description of {} bytes, expected at most {MAX_TEXT}", grid.description.len());
@@ -183,7 +183,7 @@ impl Sampler<'_> {
             for (channel, &value) in values.iter().enumerate() {
                 let value = value as f32;
                 if value.is_nan() || value.abs() > LARGEST {
-                    let message = format!("the function times the cosine is {value:e}, expected at most {LARGEST:e}");
+                    let message = format!("the BRDF times the cosine is {value:e}, expected at most {LARGEST:e}");
                     return Err(refuse(FormatErrorKind::Malformed, message));
                 }
                 put(slice.values, channel * nodes + node, value);

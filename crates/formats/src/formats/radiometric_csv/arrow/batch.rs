@@ -26,7 +26,7 @@ pub(super) enum Refusal {
 
 impl From<Broken> for Refusal {
     fn from(_: Broken) -> Self {
-        Self::Broken("a reference in the batch leads outside it, expected one within".to_owned())
+        Self::Broken("a reference in the record batch leads outside it, expected one within it".to_owned())
     }
 }
 
@@ -90,7 +90,7 @@ impl<'a> Parts<'a> {
         self.buffer += 1;
         if bytes.len() / element.size() < count {
             return Err(Refusal::Broken(format!(
-                "{} bytes, expected {count} numbers of {} bytes",
+                "a column of {} bytes, expected {count} numbers of {} bytes",
                 bytes.len(),
                 element.size()
             )));
@@ -110,14 +110,14 @@ impl<'a> Parts<'a> {
         self.node += 1;
         self.buffer += 1;
         if length != count {
-            return Err(Refusal::Broken(format!("a column of {length} entries, expected {count}")));
+            return Err(Refusal::Broken(format!("a column of {length} entries in the batch, expected {count}")));
         }
         if nulls == 0 || bits.is_empty() {
             return Ok(None);
         }
         if bits.len() < count.div_ceil(8) {
             return Err(Refusal::Broken(format!(
-                "{} bytes say which of {count} entries are missing, expected one for every eight",
+                "{} bytes of validity bits for the {count} entries of a column, expected one byte for every eight",
                 bits.len()
             )));
         }
@@ -212,7 +212,7 @@ impl<'a> Batches<'a> {
         });
         if (nodes.len(), buffers.len()) != expected {
             return Err(Refusal::Broken(format!(
-                "{} nodes and {} buffers, expected {} and {} for the columns of the schema",
+                "the record batch has {} nodes and {} buffers, expected {} and {} for the columns of the schema",
                 nodes.len(),
                 buffers.len(),
                 expected.0,
@@ -233,7 +233,8 @@ impl<'a> Batches<'a> {
             let end = offset.checked_add(length).ok_or(Broken)?;
             if end > body.len() || (length > 0 && offset < taken) {
                 return Err(Refusal::Broken(format!(
-                    "buffer {i} from byte {offset} to {end} of a body of {} bytes, expected one after the other",
+                    "buffer {i} of the record batch goes from byte {offset} to {end} of a body of {} bytes, expected \
+                     buffers within the body that do not overlap",
                     body.len()
                 )));
             }

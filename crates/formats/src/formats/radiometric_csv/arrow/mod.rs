@@ -74,7 +74,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let schema = match messages.next()? {
         Some(Message { kind: SCHEMA, header, .. }) => schema::read(header).map_err(|refusal| match refusal {
             schema::Refusal::Malformed => {
-                malformed(start, "a reference in the schema leads outside it, expected one within")
+                malformed(start, "a reference in the Arrow schema leads outside it, expected one within it")
             }
             schema::Refusal::Unsupported(message) => refused(FormatErrorKind::Unsupported, start, message),
             schema::Refusal::OverLimit(message) => refused(FormatErrorKind::OverLimit, start, message),
@@ -89,11 +89,9 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         None => (None, Vec::new()),
     };
     let (Some(header), Some(columns)) = (header, columns) else {
-        return Err(named(
-            problems
-                .into_error()
-                .unwrap_or_else(|| malformed(start, "the columns make no table, expected those of radiometric-csv")),
-        ));
+        return Err(named(problems.into_error().unwrap_or_else(|| {
+            malformed(start, "the columns of the Arrow stream make no table, expected columns as in radiometric-csv")
+        })));
     };
     let mut batches = Batches::new(&schema.columns, &cells, &columns, header.cosine_included);
     let mut count = 0_usize;
@@ -105,7 +103,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
                 Refusal::OverLimit(message) => refused(FormatErrorKind::OverLimit, at, message),
             })?,
             DICTIONARY => continue,
-            _ => return Err(malformed(at, format!("message of kind {kind}, expected a batch of rows"))),
+            _ => return Err(malformed(at, format!("an Arrow message of kind {kind}, expected a batch of rows"))),
         }
         count += 1;
     }
@@ -173,7 +171,7 @@ fn columns(
             let is_read = read.cells.get(first).is_some_and(|cell| *cell != columns::Cell::Ignored);
             if is_read && matches!(column.kind, Kind::Other { .. }) {
                 let message = format!(
-                    "column {} holds no numbers, expected int, float32 or float64, or lists of one length of them",
+                    "column {} holds no numbers, expected int, float32 or float64, or lists of these of one length",
                     snippet(&column.name)
                 );
                 return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
@@ -197,15 +195,15 @@ fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -
         FormatError::new(FormatErrorKind::Malformed, NAME, message)
     };
     let Some(field) = fields.iter().find(|field| field.key == "wavelengths") else {
-        return Err(needs("of wavelengths that are not stated".to_owned()));
+        return Err(needs("but their wavelengths are not stated".to_owned()));
     };
     let separates = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '[' | ']');
     let mut listed = Vec::with_capacity(length);
     for word in field.value.split(separates).filter(|word| !word.is_empty()) {
         let wavelength =
-            number(word).ok_or_else(|| needs(format!("of which {} is the wavelength of one", snippet(word))))?;
+            number(word).ok_or_else(|| needs(format!("but {} stands among their wavelengths", snippet(word))))?;
         if wavelength < 0.0 {
-            return Err(needs(format!("one at a wavelength of {}", Brief(wavelength))));
+            return Err(needs(format!("but {} stands among their wavelengths", Brief(wavelength))));
         }
         listed.push(format!("{letter}{wavelength}"));
     }
@@ -236,7 +234,7 @@ impl<'a> Messages<'a> {
             return Err(malformed(at, "the stream ends without its end mark, expected a writer that was closed"));
         };
         let Some(length) = rest.strip_prefix(CONTINUES).and_then(|rest| rest.first_chunk::<4>()) else {
-            return Err(malformed(at, "no message starts here, expected 0xFFFFFFFF and a length"));
+            return Err(malformed(at, "no Arrow message starts here, expected 0xFFFFFFFF and a length"));
         };
         let start = at + 8;
         let length = u32::from_le_bytes(*length) as usize;
@@ -244,26 +242,26 @@ impl<'a> Messages<'a> {
             return Ok(None);
         }
         if length > MAX_METADATA {
-            let message = format!("a message with metadata of {length} bytes, expected at most {MAX_METADATA}");
+            let message = format!("an Arrow message with metadata of {length} bytes, expected at most {MAX_METADATA}");
             return Err(refused(FormatErrorKind::OverLimit, at, message));
         }
         let cut = |found: usize, expected: usize| {
-            malformed(at, format!("the file ends in a message: {found} bytes, expected {expected}"))
+            malformed(at, format!("the file ends within an Arrow message: {found} bytes, expected {expected}"))
         };
         let metadata = self.bytes.get(start..start + length);
         let metadata = metadata.ok_or_else(|| cut(self.bytes.len().saturating_sub(start), length))?;
         let broken =
-            |Broken| malformed(at, "a reference in the metadata of a message leads outside them, expected one within");
+            |Broken| malformed(at, "a reference in Arrow message metadata leads outside them, expected one within");
         let message = Table::root(metadata).map_err(broken)?;
         let kind = message.byte(1).map_err(broken)?;
         let header = message
             .table(2)
             .map_err(broken)?
-            .ok_or_else(|| malformed(at, "a message without a header, expected a batch of rows"))?;
+            .ok_or_else(|| malformed(at, "an Arrow message without a header, expected a batch of rows"))?;
         let body_at = start + length;
         let size = message.long(3).map_err(broken)?;
-        let size =
-            usize::try_from(size).map_err(|_| malformed(at, format!("a body of {size} bytes, expected 0 or more")))?;
+        let size = usize::try_from(size)
+            .map_err(|_| malformed(at, format!("an Arrow message has a body of {size} bytes, expected 0 or more")))?;
         let end = body_at.checked_add(size);
         let body =
             end.and_then(|end| self.bytes.get(body_at..end)).ok_or_else(|| cut(self.bytes.len() - body_at, size))?;

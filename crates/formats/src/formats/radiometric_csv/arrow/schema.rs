@@ -182,7 +182,7 @@ fn kind(field: Table<'_>, name: &str, depth: usize, looked_at: &mut usize) -> Re
             }
         }
         other => Err(Refusal::Unsupported(format!(
-            "column {} is of type {other} of Arrow, expected numbers or lists of one length of them",
+            "column {} is of type {other} of Arrow, expected numbers, or lists of numbers of one length",
             crate::formats::text::snippet(name)
         ))),
     }
