@@ -18,8 +18,8 @@ pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 /// times.
 const HEADERS: usize = 24;
 
-/// Upper bound on the byte ranges that a request may ask for at once. A request for more is refused, because it can only
-/// be meant to keep the service busy (RFC 9110 section 14.2).
+/// Upper bound on the byte ranges that a request may ask for at once. A request for more is refused, because it can
+/// only be meant to keep the service busy (RFC 9110 section 14.2).
 const MOST_RANGES: usize = 100;
 
 /// Builds the HTTP response that sends the stored blob `digest`, whole or in part, as the request asks. A row of the

@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(numbers(""), Ok(TABLES.to_vec()));
         assert_eq!(numbers(",\"tables\":[3,1]"), Ok(vec![3, 1]));
         for (bad, reason) in
-            [("", "none"), ("0", "found 0"), ("-1", "found -1"), ("1,300", "found 300"), ("2,2", "2 twice")]
+            [("", "an empty list"), ("0", "found 0"), ("-1", "found -1"), ("1,300", "found 300"), ("2,2", "2 twice")]
         {
             let refusal = numbers(&format!(",\"tables\":[{bad}]")).unwrap_err();
             assert!(refusal.contains(reason), "{refusal}");

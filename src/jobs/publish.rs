@@ -241,7 +241,7 @@ pub(super) mod tests {
         let staged = engine.archive.staging.stage(SPECTRUM).unwrap();
         let error = engine.ingest(staged, upload()).await.unwrap_err();
         assert!(matches!(error, IngestError::Store(StoreError::Io(_))), "{error}");
-        assert!(error.to_string().contains("published 3 times"), "{error}");
+        assert!(error.to_string().contains("stored 3 times"), "{error}");
         assert_eq!(engine.archive.catalog.namer(Digest::of(SPECTRUM)).await.unwrap(), None);
     }
 

@@ -276,7 +276,7 @@ mod tests {
             for bad in [0, 1, 47, 48, 200, COUNT - 1] {
                 let mut records = lines(&question, |i| if i == bad { [120.0, 0.0] } else { angles(i)[0] });
                 for (refused, reason) in
-                    [(None, "wi has theta = 120"), (Some("{\"wo\":[1,2]}\n"), "w"), (Some("{}\n"), "no w")]
+                    [(None, "wi has theta = 120"), (Some("{\"wo\":[1,2]}\n"), "w"), (Some("{}\n"), "was given")]
                 {
                     records[bad] = refused.map_or_else(|| records[bad].clone(), str::to_owned);
                     let records = Records::Lines(Bytes::from(records.concat()));

@@ -209,7 +209,7 @@ fn settings_are_read_from_flags_and_from_the_environment() {
         answer
     };
     assert!(post("/v1/measurements", "text/plain", 101).contains("may have 100 bytes"));
-    assert!(post("/v1/jobs", "application/json", 1025).contains("may have 1024 bytes"));
+    assert!(post("/v1/jobs", "application/json", 1025).contains("the limit of 1024 bytes"));
     assert_eq!(service.signal("-INT"), Some(0));
     let wrong = refused(2, &["serve", "--data", &at(&dir, "data"), "--idle", "soon"]);
     assert!(wrong.contains("--idle") && wrong.contains("30s"), "{wrong}");

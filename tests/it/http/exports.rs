@@ -33,7 +33,7 @@ async fn files_state_what_they_add() {
     assert!(header(&array, "wavelume-export-error").starts_with("er_l2=0.000000, "));
     for (query, status, code, word) in [
         ("format=merl", 422, "not-available", "it can be written as rgl or npy"),
-        ("format=axf", 422, "not-available", "expected manifest, rgl"),
+        ("format=axf", 422, "not-available", "expected one of manifest, rgl"),
         ("format=rgl&side=1", 422, "bad-setting", "expected 2 to 1024"),
         ("format=rgl&wavelength=500", 422, "bad-setting", "does nothing for rgl"),
         ("format=rgl&side=1024&step=1", 422, "over-limit", "expected at most"),

@@ -202,7 +202,7 @@ async fn a_report_on_the_papers_tables_is_a_job() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;
     let post = |body: Value| service.post("/v1/jobs").header("prefer", "wait=60").json(&body);
-    for (tables, found) in [(json!([0]), "found 0"), (json!([1, 300]), "found 300"), (json!([]), "none")] {
+    for (tables, found) in [(json!([0]), "found 0"), (json!([1, 300]), "found 300"), (json!([]), "an empty list")] {
         let refusal = problem(post(json!({ "kind": "paper", "tables": tables })), 422, "invalid-request").await;
         assert!(refusal["detail"].as_str().unwrap().contains(found), "{refusal}");
     }

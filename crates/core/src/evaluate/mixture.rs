@@ -63,8 +63,8 @@ pub(super) struct Shares {
 /// 1, are offered in turn.
 struct Choice<T> {
     left: f64,
-    /// Alternative offered last in a random choice, and the random number rescaled to 0..1 within the interval of that
-    /// alternative.
+    /// Alternative that the random number has selected so far, among those that were offered one after the other, with
+    /// the random number rescaled to 0..1 within the interval of that alternative.
     chosen: Option<(T, f64)>,
 }
 

@@ -55,9 +55,8 @@ impl Sequence {
         self.length
     }
 
-    /// Advances a description of a wavelet transform's smooth coefficients from the input of one level to that of the
-    /// next coarser one: half as many, rounded up. The level just passed has no special filters near the ends of the
-    /// signal.
+    /// Replaces the number of smooth coefficients at one level of a wavelet transform by that at the next coarser
+    /// level: half as many, rounded up. For a level without special filters near the ends of the signal.
     pub(super) fn pass_regular(&mut self) {
         *self = Self::new(self.length.div_ceil(2));
     }

@@ -134,8 +134,8 @@ impl Basis {
         self.mean.len() * (self.vectors.len() + 1)
     }
 
-    /// Returns the coefficients of every spectrum in the spectral basis: its projections, less the mean spectrum, on the
-    /// basis vectors, ⟨spectrum − mean, vector⟩.
+    /// Returns the coefficients of every spectrum in the spectral basis: its projections, less the mean spectrum, on
+    /// the basis vectors, ⟨spectrum − mean, vector⟩.
     pub(super) fn analyse(&self, logs: &[f32]) -> Vec<f32> {
         let (n, r) = (self.mean.len(), self.vectors.len());
         let mut planes = vec![0.0; logs.len() / n * r];

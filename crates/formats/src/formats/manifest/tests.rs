@@ -66,7 +66,7 @@ fn a_bare_lambda_needs_as_many_wavelengths_as_the_array_has() {
     for (how, word) in [
         (how(None, Some("400:500:100")), "quantity"),
         (how(brdf, None), "wavelengths"),
-        (how(brdf, Some("400:500:10")), "are 11"),
+        (how(brdf, Some("400:500:10")), "has 11 wavelengths"),
         (how(brdf, Some("500:400")), "START:STOP:STEP"),
     ] {
         let error = read_with(&how).unwrap_err();
