@@ -4,7 +4,7 @@ use super::caller::{Actor, Caller};
 use super::decisions::{Decision, Judged, KeyState, Rights};
 use super::expiring::{Expiring, SHORT};
 use super::guard::{AuthMode, Verdict};
-use super::layers::refuse;
+use super::layers::{refuse, wrong_method};
 use super::needs::{self, Need};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
@@ -110,9 +110,7 @@ fn act(parts: &Parts) -> Option<Act> {
 async fn record(app: &App, headers: &HeaderMap, act: Act) {
     let made = headers.get(header::LOCATION).and_then(|value| value.to_str().ok()?.rsplit('/').next());
     let subject = made.map(str::to_owned).or(act.subject);
-    if let Err(error) = app.engine.archive.catalog.record(&Act { subject, ..act }).await {
-        tracing::warn!(%error, "an act was not recorded in the audit trail");
-    }
+    app.record(&Act { subject, ..act }).await;
 }
 
 /// Identifies the caller of a request, and checks that it may use the route. Returns `None` if no route has the path.
@@ -132,9 +130,7 @@ async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
     }
     let Some(path) = Route::of(&parts.extensions) else { return Ok(None) };
     let Some(need) = needs::need(parts.method.as_str(), path) else {
-        let detail =
-            format!("the method {} is not for this resource, expected one of those in the header Allow", parts.method);
-        return Err(Problem::new(Kind::MethodNotAllowed, detail).with(header::ALLOW, &needs::methods(path)));
+        return Err(wrong_method(&parts.method).with(header::ALLOW, &needs::methods(path)));
     };
     if need == Need::Public {
         return caller(Tenant::nobody(), Scopes::none(), Actor::Anonymous);

@@ -12,7 +12,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Caller of a request. The layer [`authorise`](super::authorise) puts it into every request with a route.
+/// Caller of a request. The step [`authorise`](super::authorise) puts it into every request with a route.
 #[derive(Clone, Debug)]
 pub(crate) struct Caller {
     /// Tenant whose stored data (materials, measurements, jobs, keys) the request sees and changes.
@@ -50,7 +50,7 @@ pub(crate) struct RequestId(pub(crate) Arc<str>);
 
 impl Caller {
     /// Returns the caller stored in the extensions of a request. Fails if there is none, because the request has not
-    /// passed the layer that identifies callers.
+    /// passed the step that identifies callers.
     pub(crate) fn of_extensions(extensions: &Extensions) -> Result<&Self, Problem> {
         extensions.get().ok_or_else(|| Problem::internal(&"a route without a caller"))
     }

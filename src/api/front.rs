@@ -9,21 +9,19 @@ use axum::extract::Request;
 use axum::response::{IntoResponse, Response};
 use futures::FutureExt;
 use std::panic::AssertUnwindSafe;
-use std::sync::Arc;
 use tower::ServiceExt;
 
 /// Request handlers of the service, with the steps that every request passes before its handler. The steps are calls,
 /// not layers of axum: for each request, a layer there copies all that is below it and allocates its future.
-#[derive(Clone)]
 pub(crate) struct Front {
     app: App,
     router: Router,
-    routes: Arc<Routes>,
+    routes: Routes,
 }
 
 impl Front {
     pub(crate) fn new(app: App) -> Self {
-        Self { router: router(app.clone()), app, routes: Arc::new(Routes::new()) }
+        Self { router: router(app.clone()), app, routes: Routes::new() }
     }
 
     /// Answers a request: records it, checks host and origin, identifies the caller, admits the request, and calls the

@@ -228,10 +228,8 @@ async fn cancel_job(app: App, caller: Caller, JobId(id): JobId) -> Result<Respon
 
 /// Records in the audit trail that a job was made, cancelled or repeated, if the service has keys.
 async fn record(app: &App, caller: &Caller, action: &'static str, id: &str) {
-    if caller.actor != Actor::Off
-        && let Err(error) = app.engine.archive.catalog.record(&caller.act(action, id)).await
-    {
-        tracing::warn!(%error, "an act was not recorded in the audit trail");
+    if caller.actor != Actor::Off {
+        app.record(&caller.act(action, id)).await;
     }
 }
 

@@ -1,4 +1,4 @@
-//! Layers around every handler: request ids, logs and metrics, hosts and origins, panics as problems.
+//! Steps around every handler: request ids, logs and metrics, hosts and origins, panics as problems.
 
 use super::access::{Access, Page};
 use super::caller::RequestId;
@@ -199,9 +199,15 @@ pub(crate) async fn no_route(request: Request) -> Response {
 
 /// Answers a request whose HTTP method its route does not support; axum adds the header `Allow`.
 pub(crate) async fn no_method(request: Request) -> Response {
-    let method = shown(request.method().as_str(), LOGGED_METHOD);
+    let problem = wrong_method(request.method());
+    refuse(request, problem).await
+}
+
+/// Builds the error response to a request whose HTTP method its route does not support, without the header `Allow`.
+pub(super) fn wrong_method(method: &Method) -> Problem {
+    let method = shown(method.as_str(), LOGGED_METHOD);
     let detail = format!("the method {method} is not for this resource, expected one of those in the header Allow");
-    refuse(request, Problem::new(Kind::MethodNotAllowed, detail)).await
+    Problem::new(Kind::MethodNotAllowed, detail)
 }
 
 #[cfg(test)]

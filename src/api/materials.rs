@@ -253,8 +253,7 @@ async fn get_material_content(app: App, Id(id): Id, request: Request) -> Result<
     let (method, headers) = (request.method(), request.headers());
     let seen = seen_lately(&app, id).await?;
     let app = &seen.app;
-    let name =
-        seen.name.as_ref().map_or_else(|| format!("{}.wlm", &id.to_string()[..15]), |name| format!("{name}.wlm"));
+    let name = seen.name.clone().unwrap_or_else(|| id.to_string()[..15].to_owned()) + ".wlm";
     let redirected = content::redirected(app, id, MATERIAL, Some(&name), method, headers, left);
     if let Some(answer) = redirected.await? {
         return Ok(answer);

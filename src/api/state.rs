@@ -9,6 +9,7 @@ use super::places::{KIB, Places};
 use super::problem::Problem;
 use super::rates::Rates;
 use super::remembered::Remembered;
+use crate::catalog::Act;
 use crate::jobs::{Engine, Limits};
 use crate::trust::Tenant;
 use axum::extract::FromRequestParts;
@@ -20,7 +21,7 @@ use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
 /// State of the HTTP router. A handler extracts [`App`] instead, and so cannot reach the data of a tenant other than
-/// its caller's. Each layer around a handler clones the state for each request.
+/// its caller's.
 #[derive(Clone)]
 pub(crate) struct Service(App);
 
@@ -80,6 +81,13 @@ impl App {
     /// other parts that all tenants share stay those of this state.
     pub(crate) fn of(&self, tenant: &Tenant) -> Self {
         Self { engine: self.engine.of(tenant), shared: Arc::clone(&self.shared) }
+    }
+
+    /// Records an act in the audit trail. A failure is only logged, because the act itself was done.
+    pub(crate) async fn record(&self, act: &Act) {
+        if let Err(error) = self.engine.archive.catalog.record(act).await {
+            tracing::warn!(%error, "an act was not recorded in the audit trail");
+        }
     }
 }
 

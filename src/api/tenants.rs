@@ -203,9 +203,7 @@ async fn record(app: &App, caller: &Caller, tenant: &Tenant, change: &TenantChan
     }
     let (owner, detail) = (Some(tenant.clone()), Some(change.to_string()));
     let act = Act { tenant: owner, detail, address: None, request: None, ..caller.act("tenant.change", tenant) };
-    if let Err(error) = app.engine.archive.catalog.record(&act).await {
-        tracing::warn!(%error, "an act was not recorded in the audit trail");
-    }
+    app.record(&act).await;
 }
 
 /// Parses the id of a tenant in a path.

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
 use std::os::fd::AsFd;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 use tracing::{Level, Metadata};
@@ -46,8 +47,8 @@ pub(super) fn start(format: LogFormat, level: LevelFilter) {
     let log = registry().with(asked.unwrap_or_else(usual));
     let colours = in_colour(io::stderr().is_terminal(), |name| std::env::var(name).ok());
     let to = Arc::clone(OUTPUT.get_or_init(Output::stderr));
-    let events =
-        fmt::layer().with_ansi(colours).with_writer(Writers { to, colours, is_json: format == LogFormat::Json });
+    let writers = Writers { to, colours, is_json: format == LogFormat::Json };
+    let events = fmt::layer().with_ansi(colours).with_writer(writers);
     match format {
         LogFormat::Human => log.with(events.with_target(false)).init(),
         LogFormat::Json => log.with(events.json()).init(),
@@ -68,7 +69,8 @@ struct Output {
     waiting: Mutex<Vec<u8>>,
     /// Condition variable that signals a waiting line of the log.
     filled: Condvar,
-    gathers: bool,
+    /// True if lines wait for others, because a thread writes them a moment later.
+    gathers: AtomicBool,
 }
 
 /// Stderr as a file, without the lock of [`io::stderr`], for which threads that answer requests would wait.
@@ -87,17 +89,13 @@ impl Output {
     /// Creates the destination of the log. If `gathers`, lines of ordinary work wait for others, and a thread is
     /// started that writes them.
     fn new(to: Destination, gathers: bool) -> Arc<Self> {
-        let mut output = Self { to, waiting: Mutex::default(), filled: Condvar::new(), gathers: false };
-        let (start, started) = std::sync::mpsc::sync_channel::<Arc<Self>>(1);
-        let writer = move || {
-            if let Ok(output) = started.recv() {
-                output.write_waiting();
-            }
-        };
-        // Without the thread, every line is written at once.
-        output.gathers = gathers && std::thread::Builder::new().name("log".to_owned()).spawn(writer).is_ok();
+        let output = Self { to, waiting: Mutex::default(), filled: Condvar::new(), gathers: AtomicBool::new(false) };
         let output = Arc::new(output);
-        let _ = start.send(Arc::clone(&output));
+        if gathers {
+            let of_thread = Arc::clone(&output);
+            let started = std::thread::Builder::new().name("log".to_owned()).spawn(move || of_thread.write_waiting());
+            output.gathers.store(started.is_ok(), Relaxed);
+        }
         output
     }
 
@@ -116,7 +114,7 @@ impl Output {
         let mut waiting = self.waiting();
         let was_empty = waiting.is_empty();
         waiting.extend_from_slice(lines);
-        if urgent || !self.gathers || waiting.len() >= ROOM {
+        if urgent || !self.gathers.load(Relaxed) || waiting.len() >= ROOM {
             self.write(&mut waiting);
         } else if was_empty {
             self.filled.notify_one();
@@ -146,6 +144,8 @@ impl Output {
 /// once.
 struct Writers {
     to: Arc<Output>,
+    /// True if escape sequences are kept, because the log colours its text. Those inside logged values are escaped
+    /// earlier.
     colours: bool,
     /// True if events are JSON objects, which escape control characters themselves and are invalid if they are cut.
     is_json: bool,
@@ -155,11 +155,11 @@ impl<'a> MakeWriter<'a> for Writers {
     type Writer = Line<'a>;
 
     fn make_writer(&'a self) -> Line<'a> {
-        Line { to: &self.to, colours: self.colours, is_json: self.is_json, urgent: true }
+        Line { log: self, urgent: true }
     }
 
     fn make_writer_for(&'a self, event: &Metadata<'_>) -> Line<'a> {
-        Line { urgent: *event.level() <= Level::WARN, ..self.make_writer() }
+        Line { log: self, urgent: *event.level() <= Level::WARN }
     }
 }
 
@@ -173,12 +173,8 @@ fn in_colour(terminal: bool, variable: impl Fn(&str) -> Option<String>) -> bool 
 
 /// Writer that puts one event of the log on one line.
 struct Line<'a> {
-    to: &'a Output,
+    log: &'a Writers,
     urgent: bool,
-    is_json: bool,
-    /// True if escape sequences are kept, because the log colours its text. Those inside logged values are escaped
-    /// earlier.
-    colours: bool,
 }
 
 impl Write for Line<'_> {
@@ -186,8 +182,8 @@ impl Write for Line<'_> {
     fn write(&mut self, event: &[u8]) -> io::Result<usize> {
         let plain =
             event.strip_suffix(b"\n").is_some_and(|line| !line.iter().any(|b| b.is_ascii_control() || *b > 0x7e));
-        if self.is_json || (plain && event.len() <= LONGEST_LINE) {
-            self.to.take(event, self.urgent);
+        if self.log.is_json || (plain && event.len() <= LONGEST_LINE) {
+            self.log.to.take(event, self.urgent);
             return Ok(event.len());
         }
         let text = String::from_utf8_lossy(event);
@@ -197,14 +193,14 @@ impl Write for Line<'_> {
                 line.push_str(" …");
                 break;
             }
-            if c.is_control() && !(self.colours && c == '\u{1b}') {
+            if c.is_control() && !(self.log.colours && c == '\u{1b}') {
                 line.extend(c.escape_default());
             } else {
                 line.push(c);
             }
         }
         line.push('\n');
-        self.to.take(line.as_bytes(), self.urgent);
+        self.log.to.take(line.as_bytes(), self.urgent);
         Ok(event.len())
     }
 
@@ -225,8 +221,7 @@ mod tests {
 
     fn written(event: &str, colours: bool) -> String {
         let (to, file) = output(false);
-        let mut line = Line { to: &to, urgent: true, is_json: false, colours };
-        line.write_all(event.as_bytes()).unwrap();
+        Writers { to, colours, is_json: false }.make_writer().write_all(event.as_bytes()).unwrap();
         std::fs::read_to_string(file).unwrap()
     }
 

@@ -109,7 +109,7 @@ impl Chart {
         self.columns.fill(&places.map(row), entries);
     }
 
-    /// Returns the stride between direction pairs with which at most `most` of them all are visited.
+    /// Returns the step from one visited direction pair to the next with which at most `most` of all pairs are visited.
     fn stride(&self, most: usize) -> usize {
         // Odd, so that every position among siblings occurs.
         if self.rows() <= most { 1 } else { self.rows().div_ceil(most) | 1 }
