@@ -21,7 +21,7 @@ use axum::extract::Request;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, Method, header};
 use axum::response::{IntoResponse, Response};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Names of headers by which a proxy tells that it passes a request on.
 const PASSED_ON: [&str; 3] = ["forwarded", "x-forwarded-for", "via"];
@@ -261,7 +261,7 @@ async fn rights(
             drop(held);
             Err(problem)
         }
-        Verdict::Unasked => Err(refused(app, parts, wrong)),
+        Verdict::Unasked(wait) => Err(too_many(peer, wait)),
         Verdict::Late => {
             let detail = "the key was not checked, as keys from this address are still being looked up; try again soon";
             Err(Problem::new(Kind::Unavailable, detail))
@@ -287,10 +287,7 @@ fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
     let (peer, now) = (Peer::of_extensions(&parts.extensions), Instant::now());
     let guesses = &app.guard.guesses;
     if let Some(wait) = guesses.wait(peer, now) {
-        // Rounded up: whoever asks again after this time is answered.
-        let seconds = wait.as_secs() + 1;
-        let detail = format!("{peer} has sent too many wrong keys; try again in {seconds} s");
-        return Problem::new(Kind::TooManyRequests, detail).with(header::RETRY_AFTER, &seconds.to_string());
+        return too_many(peer, wait);
     }
     let counted = guesses.count(peer, now);
     if let Some(left_out) = counted.recorded {
@@ -310,6 +307,15 @@ fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
         });
     }
     unauthorised(reason)
+}
+
+/// Builds the error response to a key that was not looked up, because its client address has sent too many wrong ones
+/// and may try again after the time `wait`.
+fn too_many(peer: Peer, wait: Duration) -> Problem {
+    // Rounded up: whoever asks again after this time is answered.
+    let seconds = wait.as_secs() + 1;
+    let detail = format!("{peer} has sent too many wrong keys; try again in {seconds} s");
+    Problem::new(Kind::TooManyRequests, detail).with(header::RETRY_AFTER, &seconds.to_string())
 }
 
 fn unauthorised(reason: Refused) -> Problem {

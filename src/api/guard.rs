@@ -58,8 +58,8 @@ pub(crate) enum Verdict {
     /// The key was checked. Holds the result and, if the database had to be asked, the permits of the request.
     Judged(Judged, Option<(Turn, Place)>),
     /// The key was not looked up, because it is not a remembered one and its client address has sent too many wrong
-    /// keys.
-    Unasked,
+    /// keys. Holds the time after which the address may try again.
+    Unasked(Duration),
     /// The key was not looked up, because look-ups for its client address have not ended in time.
     Late,
     /// The key was not looked up, because too many requests with unknown keys are under way.
@@ -96,8 +96,8 @@ impl Guard {
             Err(full) => return Ok(Verdict::Full(full)),
         };
         let turn = match tokio::time::timeout(PATIENCE, self.guesses.turn(peer)).await {
-            Ok(Some(turn)) => turn,
-            Ok(None) => return Ok(Verdict::Unasked),
+            Ok(Ok(turn)) => turn,
+            Ok(Err(wait)) => return Ok(Verdict::Unasked(wait)),
             Err(_) => return Ok(Verdict::Late),
         };
         // Another request with this key may have asked meanwhile.
@@ -128,7 +128,10 @@ mod tests {
                     drop(held);
                     1
                 }
-                Verdict::Unasked => 2,
+                Verdict::Unasked(wait) => {
+                    assert!(!wait.is_zero());
+                    2
+                }
                 other => panic!("{other:?}"),
             }
         }));

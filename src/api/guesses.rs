@@ -110,20 +110,21 @@ impl Guesses {
         self.state().by.get(&peer)?.wait(self.most, now)
     }
 
-    /// Waits for the permit of an address to look up a key; returns `None` if the address has sent too many wrong keys.
-    /// Look-ups under way count as wrong keys until they have ended, so that a further one may have to wait.
-    pub(crate) async fn turn(self: &Arc<Self>, peer: Peer) -> Option<Turn> {
+    /// Waits for the permit of an address to look up a key. If the address has sent too many wrong keys, returns the
+    /// time after which it may try again. Look-ups under way count as wrong keys until they have ended, so that a
+    /// further one may have to wait.
+    pub(crate) async fn turn(self: &Arc<Self>, peer: Peer) -> Result<Turn, Duration> {
         loop {
             let now = Instant::now();
             let ended = {
                 let mut state = self.state();
                 let window = state.window(peer, now);
-                if window.wait(self.most, now).is_some() {
-                    return None;
+                if let Some(wait) = window.wait(self.most, now) {
+                    return Err(wait);
                 }
                 if window.wrong + window.asking < self.most {
                     window.asking += 1;
-                    return Some(Turn { guesses: Arc::clone(self), peer });
+                    return Ok(Turn { guesses: Arc::clone(self), peer });
                 }
                 // Registered under the lock, so that the end of a look-up is not missed.
                 let mut ended = Box::pin(Arc::clone(&window.ended).notified_owned());
@@ -282,11 +283,11 @@ mod tests {
         let (first, second) = (guesses.turn(one).await.unwrap(), guesses.turn(one).await.unwrap());
         let waiting = || {
             let guesses = Arc::clone(&guesses);
-            tokio::spawn(async move { guesses.turn(one).await.is_some() })
+            tokio::spawn(async move { guesses.turn(one).await.is_ok() })
         };
         let (third, fourth) = (waiting(), waiting());
         tokio::task::yield_now().await;
-        assert!(!third.is_finished() && guesses.turn(peer("10.0.0.2")).await.is_some());
+        assert!(!third.is_finished() && guesses.turn(peer("10.0.0.2")).await.is_ok());
         drop(first);
         assert!(third.await.unwrap() && fourth.await.unwrap(), "one after the other, as each was right");
         let (last, refused) = (guesses.turn(one).await.unwrap(), waiting());
@@ -295,7 +296,7 @@ mod tests {
             guesses.count(one, Instant::now());
             drop(turn);
         }
-        assert!(!refused.await.unwrap() && guesses.turn(one).await.is_none());
+        assert!(!refused.await.unwrap() && guesses.turn(one).await.is_err());
         assert_eq!(guesses.state().by.len(), 1, "an address without a wrong key is forgotten");
     }
 
