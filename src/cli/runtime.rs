@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use crate::api::Stop;
 use std::io::IsTerminal;
+use std::num::NonZero;
 use tokio::runtime::Runtime;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -20,8 +21,19 @@ pub(crate) fn block_on_and_abandon<T>(work: impl Future<Output = Result<T, Failu
     done
 }
 
+/// Environment variable with the number of threads that wait for the network; set by whoever wants another number than
+/// the default.
+const THREADS: &str = "TOKIO_WORKER_THREADS";
+
+/// Starts a runtime that leaves one core to the kernel and to compression. Requests are short: on two cores, one thread
+/// answers more of them than two, which wake one another for every second request.
 fn runtime() -> Result<Runtime, Failure> {
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
+    let mut builder = tokio::runtime::Builder::new_multi_thread();
+    if std::env::var_os(THREADS).is_none() {
+        let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+        builder.worker_threads(cores.saturating_sub(1).max(1));
+    }
+    let runtime = builder.enable_all().build();
     runtime.map_err(|error| Failure::failed(format!("cannot start the asynchronous runtime: {error}")))
 }
 
