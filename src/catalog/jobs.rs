@@ -273,16 +273,24 @@ impl Catalog {
         let Some(found) = found else { return Ok(Retried::Absent) };
         let now = state(id, found.try_get("state")?)?;
         if !matches!(now, JobState::Failed | JobState::Dead | JobState::Cancelled) {
+            write.undo().await?;
             return Ok(Retried::Unended(now));
         }
         let (measurement, share): (Option<String>, String) = (found.try_get("measurement")?, found.try_get("share")?);
         let priority = priority(id, found.try_get("priority")?)?;
         let queueing = Queueing { measurement: measurement.as_deref(), share: &share, priority };
-        let rank = match self.admit(&mut write, &queueing, most).await? {
-            Admitted::Rank(rank) => rank,
-            Admitted::NoMeasurement => return Ok(Retried::NoMeasurement),
-            Admitted::Over(over) => return Ok(Retried::Over(over)),
-            Admitted::Full => return Ok(Retried::Full),
+        let admitted = match self.admit(&mut write, &queueing, most).await? {
+            Admitted::Rank(rank) => Ok(rank),
+            Admitted::NoMeasurement => Err(Retried::NoMeasurement),
+            Admitted::Over(over) => Err(Retried::Over(over)),
+            Admitted::Full => Err(Retried::Full),
+        };
+        let rank = match admitted {
+            Ok(rank) => rank,
+            Err(refused) => {
+                write.undo().await?;
+                return Ok(refused);
+            }
         };
         sqlx::query(
             "UPDATE jobs SET state = 'queued', needs = measurement, attempts = 0, lost = 0, problem = NULL, \
