@@ -17,6 +17,9 @@ const MAGIC_AND_DESCRIPTOR: usize = 5;
 const SKIPPABLE: u32 = 0x184D_2A50;
 /// Upper bound in bytes on the content of a zstd block (RFC 8878, section 3.1.1.2).
 const BLOCK: usize = 128 << 10;
+/// Upper bound on the frame headers and blocks decoded before other tasks have their turn: four blocks of repeated bytes
+/// take milliseconds. Raising it decodes a body sooner and lets other requests wait for longer.
+const AT_ONCE: u32 = 4;
 /// Length in bytes of the header of a zstd block.
 const BLOCK_HEADER: usize = 3;
 /// Length in bytes of the checksum of a zstd frame.
@@ -78,6 +81,7 @@ impl<R> ZstdReader<R> {
 impl<R: AsyncBufRead + Unpin> AsyncRead for ZstdReader<R> {
     fn poll_read(self: Pin<&mut Self>, context: &mut Context<'_>, to: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let Self { source, frames } = self.get_mut();
+        let mut decoded = 0;
         while frames.decoder.can_collect() == 0 {
             frames.check()?;
             let mut source = Pin::new(&mut *source);
@@ -85,8 +89,13 @@ impl<R: AsyncBufRead + Unpin> AsyncRead for ZstdReader<R> {
             if arrived.is_empty() {
                 return Poll::Ready(frames.end());
             }
+            if decoded == AT_ONCE {
+                context.waker().wake_by_ref();
+                return Poll::Pending;
+            }
             let taken = frames.take(arrived)?;
             source.consume(taken);
+            decoded += u32::from(frames.piece.is_empty());
         }
         let read = frames.decoder.read(to.initialize_unfilled())?;
         to.advance(read);
@@ -218,6 +227,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+    use std::task::Waker;
     use tokio::io::{AsyncReadExt, BufReader};
 
     /// Test text compressed by `zstd --check -19` 1.5.4: one compressed block and a checksum.
@@ -298,6 +308,23 @@ mod tests {
                 prop_assert!(found == text());
             }
         }
+    }
+
+    #[test]
+    fn a_small_body_that_grows_lets_others_have_their_turn() {
+        let repeated = |is_last: bool| {
+            let header = (BLOCK as u32) << 3 | 1 << 1 | u32::from(is_last);
+            [&header.to_le_bytes()[..BLOCK_HEADER], b"a"].concat()
+        };
+        let blocks: Vec<u8> = (0..80).flat_map(|i| repeated(i == 79)).collect();
+        let body = [&[0x28, 0xB5, 0x2F, 0xFD, 0, 13 << 3][..], &blocks].concat();
+        let mut reader = ZstdReader::new(&body[..]);
+        let (mut context, mut text, mut turns) = (Context::from_waker(Waker::noop()), [0; 64], 0);
+        while Pin::new(&mut reader).poll_read(&mut context, &mut ReadBuf::new(&mut text)).is_pending() {
+            turns += 1;
+        }
+        assert_eq!(text, [b'a'; 64]);
+        assert!(turns >= 10, "{turns}");
     }
 
     #[tokio::test]

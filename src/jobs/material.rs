@@ -175,7 +175,7 @@ impl Engine {
             }
             (named, _) => named.to_vec(),
         };
-        let bytes: Arc<[u8]> = bytes.into();
+        let bytes = Arc::new(bytes);
         let (mut compared, mut tried, mut refusal) = (Vec::new(), 0, None);
         for id in ids {
             let Some(candidate) = self.candidate(id).await? else {
