@@ -17,8 +17,8 @@ const MAGIC_AND_DESCRIPTOR: usize = 5;
 const SKIPPABLE: u32 = 0x184D_2A50;
 /// Upper bound in bytes on the content of a zstd block (RFC 8878, section 3.1.1.2).
 const BLOCK: usize = 128 << 10;
-/// Upper bound on the frame headers and blocks decoded before other tasks have their turn: four blocks of repeated bytes
-/// take milliseconds. Raising it decodes a body sooner and lets other requests wait for longer.
+/// Upper bound on the frame headers and blocks decoded before other tasks have their turn: four blocks of repeated
+/// bytes take milliseconds. Raising it decodes a body sooner and lets other requests wait for longer.
 const AT_ONCE: u32 = 4;
 /// Length in bytes of the header of a zstd block.
 const BLOCK_HEADER: usize = 3;
