@@ -1,6 +1,6 @@
 //! Rows of jobs as clients see them: queued, looked up, listed, counted, cancelled and repeated.
 
-use super::database::Catalog;
+use super::database::{Catalog, Write};
 use super::error::{CatalogError, breaks_reference, digest};
 use super::job::{Enqueued, JobRow, JobState, NewJob};
 use super::page::{Cursor, Page, filtered};
@@ -123,7 +123,7 @@ impl Catalog {
             .await?;
             if kept.rows_affected() == 0 {
                 // Another request with this key was faster; its job is the answer.
-                write.transaction.rollback().await?;
+                write.undo().await?;
                 return Ok(self.known(new).await?.unwrap_or(Enqueued::KeyTaken));
             }
         }
@@ -263,6 +263,15 @@ impl Catalog {
 
     async fn try_retry(&self, id: &str, most: u64) -> Result<Retried, CatalogError> {
         let mut write = self.write().await?;
+        let retried = self.retry_within(&mut write, id, most).await?;
+        match retried {
+            Retried::Queued(_) => write.commit().await?,
+            _ => write.undo().await?,
+        }
+        Ok(retried)
+    }
+
+    async fn retry_within(&self, write: &mut Write, id: &str, most: u64) -> Result<Retried, CatalogError> {
         let found =
             write.sql("SELECT state, measurement, share, priority FROM jobs WHERE id = $1 AND tenant = $2{lock}");
         let found = sqlx::query(found)
@@ -273,24 +282,16 @@ impl Catalog {
         let Some(found) = found else { return Ok(Retried::Absent) };
         let now = state(id, found.try_get("state")?)?;
         if !matches!(now, JobState::Failed | JobState::Dead | JobState::Cancelled) {
-            write.undo().await?;
             return Ok(Retried::Unended(now));
         }
         let (measurement, share): (Option<String>, String) = (found.try_get("measurement")?, found.try_get("share")?);
         let priority = priority(id, found.try_get("priority")?)?;
         let queueing = Queueing { measurement: measurement.as_deref(), share: &share, priority };
-        let admitted = match self.admit(&mut write, &queueing, most).await? {
-            Admitted::Rank(rank) => Ok(rank),
-            Admitted::NoMeasurement => Err(Retried::NoMeasurement),
-            Admitted::Over(over) => Err(Retried::Over(over)),
-            Admitted::Full => Err(Retried::Full),
-        };
-        let rank = match admitted {
-            Ok(rank) => rank,
-            Err(refused) => {
-                write.undo().await?;
-                return Ok(refused);
-            }
+        let rank = match self.admit(write, &queueing, most).await? {
+            Admitted::Rank(rank) => rank,
+            Admitted::NoMeasurement => return Ok(Retried::NoMeasurement),
+            Admitted::Over(over) => return Ok(Retried::Over(over)),
+            Admitted::Full => return Ok(Retried::Full),
         };
         sqlx::query(
             "UPDATE jobs SET state = 'queued', needs = measurement, attempts = 0, lost = 0, problem = NULL, \
@@ -307,9 +308,7 @@ impl Catalog {
             .bind(id.to_owned())
             .fetch_one(&mut *write.transaction)
             .await?;
-        let row = read(&row)?;
-        write.commit().await?;
-        Ok(Retried::Queued(row))
+        Ok(Retried::Queued(read(&row)?))
     }
 }
 
