@@ -1,6 +1,6 @@
 //! Flattened structs in the description: one object with all properties, where each part is described apart.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use utoipa::openapi::schema::{AdditionalProperties, AllOf, Object, Schema};
 use utoipa::openapi::{Components, OpenApi, RefOr};
 
@@ -29,7 +29,9 @@ pub(super) fn prune(openapi: &mut OpenApi) {
         let Ok(text) = openapi.to_json() else { return };
         let Some(components) = &mut openapi.components else { return };
         let before = components.schemas.len();
-        components.schemas.retain(|name, _| text.contains(&format!("\"#/components/schemas/{name}\"")));
+        let named = text.split("\"#/components/schemas/").skip(1).filter_map(|rest| rest.split('"').next());
+        let named: BTreeSet<&str> = named.collect();
+        components.schemas.retain(|name, _| named.contains(name.as_str()));
         if components.schemas.len() == before {
             return;
         }

@@ -109,7 +109,9 @@ async fn metrics_page(app: App) -> Result<Response, Problem> {
     get, path = "/openapi.json", tag = "root",
     responses((status = 200, description = "OpenAPI 3.1 document", body = Described))
 )]
-async fn openapi_json(app: App) -> Response {
-    let json = HeaderValue::from_static("application/json");
-    ([(header::CONTENT_TYPE, json)], app.openapi.to_string()).into_response()
+async fn openapi_json(app: App) -> Result<Response, Problem> {
+    let write = app.openapi;
+    let written = tokio::task::spawn_blocking(move || write().as_deref()).await;
+    let text = written.map_err(|error| Problem::internal(&error))?.map_err(|error| Problem::internal(error))?;
+    Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response())
 }

@@ -3,6 +3,7 @@
 use super::state::{App, Service};
 use super::{description, layers};
 use axum::Router;
+use std::sync::LazyLock;
 use utoipa::openapi::{OpenApi, OpenApiBuilder};
 use utoipa_axum::router::OpenApiRouter;
 
@@ -29,6 +30,13 @@ fn routes() -> OpenApiRouter<Service> {
 pub(super) fn router(app: App) -> Router {
     let (router, _) = routes().split_for_parts();
     router.fallback(layers::no_route).method_not_allowed_fallback(layers::no_method).with_state(Service::new(app))
+}
+
+/// Returns the OpenAPI description of every route as JSON, which is the same for as long as the process runs and is
+/// written when it is asked for first.
+pub(super) fn openapi_json() -> &'static Result<String, serde_json::Error> {
+    static JSON: LazyLock<Result<String, serde_json::Error>> = LazyLock::new(|| openapi().to_json());
+    &JSON
 }
 
 /// Returns the OpenAPI description of every route, generated from the router.

@@ -11,7 +11,7 @@ use super::guard::{AuthMode, Guard};
 use super::places::Peer;
 use super::rates::Rates;
 use super::remembered::Remembered;
-use super::router::openapi;
+use super::router::openapi_json;
 use super::state::{App, Held, Shared};
 use super::tls::{Current, Handshake, TlsFiles};
 use crate::jobs::{ArchiveError, Engine, Site, WorkConfig, run_workers, watch_jobs};
@@ -83,9 +83,6 @@ pub enum ServeError {
     /// A host name or an origin in the configuration is invalid.
     #[error("a host name or an origin in the settings is invalid: {0}")]
     Setting(String),
-    /// The OpenAPI description of the HTTP interface cannot be written as JSON.
-    #[error("the description of the HTTP interface cannot be written: {0}")]
-    Description(serde_json::Error),
     /// The service has no keys and listens on an address that other machines reach, so that everybody could read, write
     /// and delete.
     #[error(
@@ -201,7 +198,6 @@ impl Server {
         let handshake = certificate.clone().map(Handshake::new).transpose();
         let handshake = handshake.map_err(|error| ServeError::Certificate(error.to_string()))?;
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
-        let json = openapi().to_json().map_err(ServeError::Description)?;
         let limits = &engine.limits;
         let shared = Shared {
             held: Held::new(limits),
@@ -214,7 +210,7 @@ impl Server {
             stop: stop.clone(),
             durations: Durations::default(),
             metrics: recorder(),
-            openapi: json.into(),
+            openapi: openapi_json,
         };
         let app = App::new(Arc::clone(&engine), shared);
         let (database, store) = engine.archive.places();

@@ -56,9 +56,12 @@ pub(crate) struct Shared {
     pub(crate) durations: Durations,
     /// Recorder of metrics; `None` if another one was installed in this process.
     pub(crate) metrics: Option<PrometheusHandle>,
-    /// OpenAPI description of the interface in JSON, rendered once.
-    pub(crate) openapi: Arc<str>,
+    /// Writes the OpenAPI description of the interface in JSON, once.
+    pub(crate) openapi: Description,
 }
+
+/// Returns a JSON document that is the same for as long as the process runs, or why it could not be written.
+pub(crate) type Description = fn() -> &'static Result<String, serde_json::Error>;
 
 impl Service {
     pub(crate) fn new(app: App) -> Self {

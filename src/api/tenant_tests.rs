@@ -115,7 +115,7 @@ impl Desk {
             stop: stop.clone(),
             durations: Durations::default(),
             metrics: None,
-            openapi: "{}".into(),
+            openapi: super::router::openapi_json,
         };
         let app = App::new(Arc::clone(&engine), shared);
         let working = stop.clone();

@@ -527,10 +527,24 @@ impl Cells {
 
     #[inline]
     fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        self.function.spectrum(place, how, out)?;
-        if let Some(lobe) = &self.lobe {
-            lobe.add(place, out);
+        match &self.lobe {
+            None => self.function.spectrum(place, how, out),
+            Some(lobe) => self.spectrum_beside(lobe, place, how, out),
         }
+    }
+
+    /// Writes the whole spectrum at `place`, with the lobe. Apart, so that a query without a lobe need not keep its
+    /// place for it.
+    #[inline(never)]
+    fn spectrum_beside(
+        &self,
+        lobe: &Lobed,
+        place: Place<'_>,
+        how: Interpolation,
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        self.function.spectrum(place, how, out)?;
+        lobe.add(place, out);
         Ok(())
     }
 
@@ -543,8 +557,25 @@ impl Cells {
         wavelengths: &[f64],
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
+        match &self.lobe {
+            None => self.function.at_wavelengths(place, how, beyond, wavelengths, out),
+            Some(lobe) => self.at_wavelengths_beside(lobe, place, how, beyond, wavelengths, out),
+        }
+    }
+
+    /// Writes the values at some wavelengths, with the lobe. Apart for the same reason as [`Cells::spectrum_beside`].
+    #[inline(never)]
+    fn at_wavelengths_beside(
+        &self,
+        lobe: &Lobed,
+        place: Place<'_>,
+        how: Interpolation,
+        beyond: Beyond,
+        wavelengths: &[f64],
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
         self.function.at_wavelengths(place, how, beyond, wavelengths, out)?;
-        if let (Some(lobe), Some(grid)) = (&self.lobe, self.function.geometry().grid()) {
+        if let Some(grid) = self.function.geometry().grid() {
             lobe.add_at(place, (grid, beyond), wavelengths, out);
         }
         Ok(())

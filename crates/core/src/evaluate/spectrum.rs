@@ -6,6 +6,7 @@ use super::function::Function;
 use super::place::{Beyond, Interpolation, Place};
 use super::planes::{FEW, Planes};
 use super::samples::{Found, known_sum};
+use super::smooth::Smooth;
 use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
 /// Maximum number of samples of a spectrum that is summed on the stack.
@@ -141,15 +142,7 @@ impl Function {
     ) -> Result<f32, EvaluateError> {
         let geometry = self.geometry();
         Ok(match self.form() {
-            Form::Planes { planes, smooth } => self.with_row(
-                planes,
-                smooth,
-                place,
-                how,
-                None,
-                #[inline(always)]
-                |row, presence| planes.weighted(row, presence, weights),
-            )?,
+            Form::Planes { planes, smooth } => self.weighted_planes(planes, smooth, place, how, weights)?,
             Form::Samples(samples) => match samples.find(geometry, place, how)? {
                 Found::Outside => 0.0,
                 Found::Cell(row) => sum(&|lambda| row[lambda]),
@@ -167,6 +160,27 @@ impl Function {
                 }
             },
         })
+    }
+
+    /// Inner product with `weights` of the spectrum at the indices and directions of `place`, from spectral
+    /// coefficients. NaN where the spectrum is masked, even if there are no weights.
+    fn weighted_planes(
+        &self,
+        planes: &Planes,
+        smooth: &Smooth,
+        place: Place<'_>,
+        how: Interpolation,
+        weights: &[f32],
+    ) -> Result<f32, EvaluateError> {
+        self.with_row(
+            planes,
+            smooth,
+            place,
+            how,
+            None,
+            #[inline(always)]
+            |row, presence| planes.weighted(row, presence, weights),
+        )
     }
 
     /// Samples `[outgoing, wavelength]` for one combination of the axes before the outgoing one, whose row-major
@@ -203,9 +217,8 @@ impl Function {
     pub(super) fn is_known(&self, place: Place<'_>, how: Interpolation) -> Result<bool, EvaluateError> {
         let geometry = self.geometry();
         match self.form() {
-            Form::Planes { planes, smooth } => {
-                self.with_row(planes, smooth, place, how, None, |_, presence| !presence.is_nan())
-            }
+            // A sum over no wavelengths is NaN if and only if the spectrum is masked.
+            Form::Planes { planes, smooth } => Ok(!self.weighted_planes(planes, smooth, place, how, &[])?.is_nan()),
             Form::Samples(samples) => Ok(match samples.find(geometry, place, how)? {
                 Found::Outside => true,
                 Found::Cell(row) => row.iter().any(|sample| !sample.is_nan()),

@@ -172,7 +172,7 @@ fn ends_are_held_where_the_standard_allows_it() {
     let short = grid(400.0, 10.0, 31);
     let long = grid(380.0, 10.0, 41);
     let samples: Vec<f32> = (0..31).map(|i| 0.2 + 0.02 * i as f32).collect();
-    let held: Vec<f32> = (-2..39).map(|i: i32| samples[i.clamp(0, 30) as usize]).collect();
+    let held = [&[samples[0]; 2][..], &samples, &[samples[30]; 8]].concat();
     let of = |lambdas: &WavelengthGrid, s: &[f32]| Tristimulus::reflectance(lambdas, Illuminant::A).unwrap().xyz(s);
     assert!(relative(array(of(&short, &samples)), array(of(&long, &held))) < 1e-12);
 }

@@ -9,7 +9,8 @@ use crate::evaluate::incoming::middles::Entries;
 use crate::evaluate::incoming::{Nodes, Origin, carried, carried_to_four};
 use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
-use wide::f32x4;
+use crate::numeric::wide;
+use ::wide::f32x4;
 
 /// Lower bound on the divisor cos θo in the upper bound on values past the last measured polar angle of incidence.
 const LEAST_COSINE: f32 = 1e-3;
@@ -75,19 +76,23 @@ impl Smooth {
     }
 
     /// Interpolates spectral coefficients for a pair of directions, as [`Smooth::at`] does. Interpolation between
-    /// incoming directions uses a divisor (model divided out before interpolation) or a cubic or quadratic curve.
-    #[inline(always)]
+    /// incoming directions uses a divisor (model divided out before interpolation) or a cubic or quadratic curve. It is
+    /// a function of its own, as all kinds of queries would compile its eight versions again.
+    #[inline(never)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
-        match (self.width, course.is_wide()) {
-            (4, false) => self.at_between_in::<4, 1>(course, entry, seen),
-            (8, false) => self.at_between_in::<8, 1>(course, entry, seen),
-            (12, false) => self.at_between_in::<12, 1>(course, entry, seen),
-            (_, false) => self.at_between_in::<MOST_PLANES, 1>(course, entry, seen),
-            (4, true) => self.at_between_in::<4, 2>(course, entry, seen),
-            (8, true) => self.at_between_in::<8, 2>(course, entry, seen),
-            (12, true) => self.at_between_in::<12, 2>(course, entry, seen),
-            (_, true) => self.at_between_in::<MOST_PLANES, 2>(course, entry, seen),
-        }
+        wide(
+            #[inline(always)]
+            || match (self.width, course.is_wide()) {
+                (4, false) => self.at_between_in::<4, 1>(course, entry, seen),
+                (8, false) => self.at_between_in::<8, 1>(course, entry, seen),
+                (12, false) => self.at_between_in::<12, 1>(course, entry, seen),
+                (_, false) => self.at_between_in::<MOST_PLANES, 1>(course, entry, seen),
+                (4, true) => self.at_between_in::<4, 2>(course, entry, seen),
+                (8, true) => self.at_between_in::<8, 2>(course, entry, seen),
+                (12, true) => self.at_between_in::<12, 2>(course, entry, seen),
+                (_, true) => self.at_between_in::<MOST_PLANES, 2>(course, entry, seen),
+            },
+        )
     }
 
     /// Interpolates spectral coefficients for a pair of directions, as [`Smooth::at_between`] does, compiled for
