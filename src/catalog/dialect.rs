@@ -22,11 +22,13 @@ pub(super) const PRAGMAS: [&str; 4] = [
 ];
 
 /// SQL settings of a PostgreSQL connection. Compilation is off, because short statements gain nothing from it. Sorting
-/// is discouraged, because a table without statistics would be sorted whole for one row. Time limits keep a stuck
+/// is discouraged, because a table without statistics would be sorted whole for one row. No statement is shared among
+/// processes of the server: for a page of a list each of them would walk as far as one has to. Time limits keep a stuck
 /// client from blocking others.
 const SETTINGS: [&str; 1] =
-    ["SET jit = off; SET random_page_cost = 1.1; SET enable_sort = off; SET statement_timeout = '30s'; \
-     SET lock_timeout = '10s'; SET idle_in_transaction_session_timeout = '30s'; SET client_min_messages = warning"];
+    ["SET jit = off; SET random_page_cost = 1.1; SET enable_sort = off; SET max_parallel_workers_per_gather = 0; \
+     SET statement_timeout = '30s'; SET lock_timeout = '10s'; SET idle_in_transaction_session_timeout = '30s'; \
+     SET client_min_messages = warning"];
 
 impl Dialect {
     /// SQL statements that set up each new connection to the database.

@@ -233,12 +233,13 @@ pub(crate) mod testing {
     }
 
     /// Makes a test's catalog on PostgreSQL record each queueing and each start of a job, in the order in which they
-    /// happen.
+    /// happen. A job counts as queued when its transaction ends, since no worker sees it before.
     pub(crate) async fn record_starts(catalog: &Catalog) {
         let text = "CREATE TABLE starts (number BIGSERIAL, state TEXT, job TEXT); \
              CREATE FUNCTION record_start() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN \
              INSERT INTO starts (state, job) VALUES (NEW.state, NEW.id); RETURN NULL; END $$; \
-             CREATE TRIGGER queued AFTER INSERT ON jobs FOR EACH ROW EXECUTE FUNCTION record_start(); \
+             CREATE CONSTRAINT TRIGGER queued AFTER INSERT ON jobs DEFERRABLE INITIALLY DEFERRED \
+             FOR EACH ROW EXECUTE FUNCTION record_start(); \
              CREATE TRIGGER started AFTER UPDATE ON jobs FOR EACH ROW \
              WHEN (OLD.state = 'queued' AND NEW.state = 'running') EXECUTE FUNCTION record_start()";
         catalog.pool.execute(text).await.unwrap();

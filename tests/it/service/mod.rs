@@ -2,6 +2,10 @@
 
 pub(crate) mod certificates;
 
+use futures::TryStreamExt;
+use object_store::aws::{AmazonS3, AmazonS3Builder};
+use object_store::path::Path as Key;
+use object_store::{ObjectStore, ObjectStoreExt};
 use reqwest::{Client, ClientBuilder, Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
 use sqlx::Connection;
@@ -13,6 +17,9 @@ use tokio::task::JoinHandle;
 use wavelume::api::{ServeConfig, ServeError, Server};
 use wavelume::store::Digest;
 use wavelume::{Archive, Database};
+
+/// Start of the name of an object in a bucket, as tests name it.
+const S3: &str = "s3://";
 
 /// A running service; stop it to see how it ends.
 pub(crate) struct Service {
@@ -71,13 +78,11 @@ pub(crate) async fn make_schema(config: &ServeConfig) -> bool {
 pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
     let mut found = Vec::new();
     if let Some(wavelume::Place::S3 { bucket, prefix }) = config(data).work.site.store {
-        let base = format!("{}/{bucket}", std::env::var("AWS_ENDPOINT_URL").unwrap());
-        let list = format!("{base}?list-type=2&prefix={prefix}/");
-        let list = Client::new().get(list).send().await.unwrap().text().await.unwrap();
-        let keys = list.split("<Key>").skip(1).map(|rest| rest.split("</Key>").next().unwrap());
+        let listed: Vec<_> = client(&bucket).list(Some(&Key::from(prefix))).try_collect().await.unwrap();
+        let keys = listed.into_iter().map(|object| object.location.to_string());
         // The text with the id of the catalog lies beside the folders.
         let keys = keys.filter(|key| key.contains("/blobs/") || key.contains("/uploads/"));
-        found.extend(keys.map(|key| format!("{base}/{key}")));
+        found.extend(keys.map(|key| format!("{S3}{bucket}/{key}")));
     } else {
         let mut folders = vec![data.join("blobs"), data.join("uploads")];
         while let Some(folder) = folders.pop() {
@@ -93,14 +98,19 @@ pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
     found
 }
 
+/// Opens a bucket of the S3 server of the tests, which may check signatures.
+fn client(bucket: &str) -> AmazonS3 {
+    AmazonS3Builder::from_env().with_bucket_name(bucket).with_allow_http(true).build().unwrap()
+}
+
 /// Overwrites a stored object, or removes it.
 pub(crate) async fn damage(place: &str, bytes: Option<&'static [u8]>) {
-    if place.starts_with("http") {
-        let request = bytes.map_or_else(|| Client::new().delete(place), |bytes| Client::new().put(place).body(bytes));
-        // The S3 server of the tests asks for a signature and does not check it.
-        let signed =
-            "AWS4-HMAC-SHA256 Credential=test/20260101/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=0";
-        request.header("authorization", signed).send().await.unwrap().error_for_status().unwrap();
+    if let Some((bucket, key)) = place.strip_prefix(S3).and_then(|place| place.split_once('/')) {
+        let (store, key) = (client(bucket), Key::from(key));
+        match bytes {
+            Some(bytes) => drop(store.put(&key, bytes.into()).await.unwrap()),
+            None => store.delete(&key).await.unwrap(),
+        }
     } else if let Some(bytes) = bytes {
         std::fs::write(place, bytes).unwrap();
     } else {
