@@ -56,7 +56,7 @@ pub(crate) struct Shared {
     pub(crate) durations: Durations,
     /// Recorder of metrics; `None` if another one was installed in this process.
     pub(crate) metrics: Option<PrometheusHandle>,
-    /// Writes the OpenAPI description of the interface in JSON, once.
+    /// Function that returns the OpenAPI description of the interface as JSON, which its first call writes.
     pub(crate) openapi: Description,
 }
 

@@ -1,7 +1,7 @@
 //! A dump of PostgreSQL restored beside the running original: the copy is refused, and no byte goes, neither by it nor,
 //! after it has taken the store over, by the original.
 
-use crate::service::{CHECKER, D65, LAMP, damage};
+use crate::service::{CHECKER, D65, LAMP, damage, listed};
 use reqwest::Client;
 use serde_json::{Value, json};
 use sqlx::Connection;
@@ -69,14 +69,10 @@ impl Site {
         Process { base: line.trim().trim_start_matches("listening on ").to_owned(), child, log }
     }
 
-    /// Returns the URLs of all objects in the store.
+    /// Returns the names of all stored bytes.
     async fn objects(&self) -> BTreeSet<String> {
         let (bucket, prefix) = self.store.trim_start_matches("s3://").split_once('/').unwrap();
-        let base = format!("{}/{bucket}", variable("AWS_ENDPOINT_URL"));
-        let list = format!("{base}?list-type=2&prefix={prefix}/blobs/");
-        let list = Client::new().get(list).send().await.unwrap().text().await.unwrap();
-        let keys = list.split("<Key>").skip(1).map(|rest| rest.split("</Key>").next().unwrap());
-        keys.map(|key| format!("{base}/{key}")).collect()
+        listed(bucket, &format!("{prefix}/blobs")).await.into_iter().collect()
     }
 }
 

@@ -18,7 +18,7 @@ use wavelume::api::{ServeConfig, ServeError, Server};
 use wavelume::store::Digest;
 use wavelume::{Archive, Database};
 
-/// Start of the name of an object in a bucket, as tests name it.
+/// Scheme of the names that tests give to objects in a bucket: `s3://BUCKET/KEY`.
 const S3: &str = "s3://";
 
 /// A running service; stop it to see how it ends.
@@ -78,11 +78,9 @@ pub(crate) async fn make_schema(config: &ServeConfig) -> bool {
 pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
     let mut found = Vec::new();
     if let Some(wavelume::Place::S3 { bucket, prefix }) = config(data).work.site.store {
-        let listed: Vec<_> = client(&bucket).list(Some(&Key::from(prefix))).try_collect().await.unwrap();
-        let keys = listed.into_iter().map(|object| object.location.to_string());
+        let listed = listed(&bucket, &prefix).await.into_iter();
         // The text with the id of the catalog lies beside the folders.
-        let keys = keys.filter(|key| key.contains("/blobs/") || key.contains("/uploads/"));
-        found.extend(keys.map(|key| format!("{S3}{bucket}/{key}")));
+        found.extend(listed.filter(|name| name.contains("/blobs/") || name.contains("/uploads/")));
     } else {
         let mut folders = vec![data.join("blobs"), data.join("uploads")];
         while let Some(folder) = folders.pop() {
@@ -101,6 +99,12 @@ pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
 /// Opens a bucket of the S3 server of the tests, which may check signatures.
 fn client(bucket: &str) -> AmazonS3 {
     AmazonS3Builder::from_env().with_bucket_name(bucket).with_allow_http(true).build().unwrap()
+}
+
+/// Returns the names, `s3://BUCKET/KEY`, of all objects in a bucket whose keys begin with the folder `prefix`.
+pub(crate) async fn listed(bucket: &str, prefix: &str) -> Vec<String> {
+    let listed: Vec<_> = client(bucket).list(Some(&Key::from(prefix))).try_collect().await.unwrap();
+    listed.into_iter().map(|object| format!("{S3}{bucket}/{}", object.location)).collect()
 }
 
 /// Overwrites a stored object, or removes it.

@@ -533,8 +533,8 @@ impl Cells {
         }
     }
 
-    /// Writes the whole spectrum at `place`, with the lobe. Apart, so that a query without a lobe need not keep its
-    /// place for it.
+    /// Writes the whole spectrum at `place`, with the lobe. Not inlined, because queries without a lobe would otherwise
+    /// copy their directions for it all the same.
     #[inline(never)]
     fn spectrum_beside(
         &self,
@@ -563,7 +563,7 @@ impl Cells {
         }
     }
 
-    /// Writes the values at some wavelengths, with the lobe. Apart for the same reason as [`Cells::spectrum_beside`].
+    /// Writes the values at some wavelengths, with the lobe. Not inlined, for the reason of [`Cells::spectrum_beside`].
     #[inline(never)]
     fn at_wavelengths_beside(
         &self,

@@ -76,8 +76,8 @@ impl Smooth {
     }
 
     /// Interpolates spectral coefficients for a pair of directions, as [`Smooth::at`] does. Interpolation between
-    /// incoming directions uses a divisor (model divided out before interpolation) or a cubic or quadratic curve. It is
-    /// a function of its own, as all kinds of queries would compile its eight versions again.
+    /// incoming directions uses a divisor (model divided out before interpolation) or a cubic or quadratic curve. Not
+    /// inlined, because each kind of query would compile its eight versions again.
     #[inline(never)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
         wide(
