@@ -21,8 +21,10 @@ const NEXT: Edition = Edition {
         EDITION.migrations[2],
         EDITION.migrations[3],
         EDITION.migrations[4],
-        ("0006_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
-        ("0007_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
+        EDITION.migrations[5],
+        EDITION.migrations[6],
+        ("0008_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
+        ("0009_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
     ],
     level: EDITION.level + 1,
 };

@@ -4,14 +4,14 @@ use super::blobs::unname;
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, digest, tenant};
 use super::measurements::Deleted;
-use super::page::{Cursor, Page, filtered, pattern};
+use super::page::{Cursor, Page, and, pattern};
 use super::usage::{Change, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use crate::trust::Tenant;
 use serde_json::{Map, Value, json};
-use sqlx::Row;
 use sqlx::any::AnyRow;
+use sqlx::{AssertSqlSafe, Row, SqlSafeStr, SqlStr};
 use std::collections::HashMap;
 
 /// A material (a compressed measurement) to store in the catalog.
@@ -106,32 +106,8 @@ impl Catalog {
         limit: usize,
     ) -> Result<Page<MaterialRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
-        // The page is found in an index; only its own rows, which are wide, are read from the table.
-        let statement = filtered(
-            concat!(
-                "SELECT ",
-                columns!(),
-                " FROM materials WHERE tenant = $8 AND id IN \
-                 (SELECT id FROM materials m WHERE tenant = $8 AND (created_at, id) < ($1, $2)"
-            ),
-            &[
-                (filter.quantity.is_some(), "quantity = $3"),
-                (
-                    filter.measurement.is_some(),
-                    "EXISTS (SELECT 1 FROM material_sources s WHERE s.tenant = $8 AND s.material = m.id \
-                     AND s.measurement = $4)",
-                ),
-                (
-                    filter.tag.is_some(),
-                    "EXISTS (SELECT 1 FROM material_tags t WHERE t.tenant = $8 AND t.material = m.id \
-                     AND t.tag = $5)",
-                ),
-                (filter.q.is_some(), "search LIKE $6 ESCAPE '\\'"),
-            ],
-            " ORDER BY created_at DESC, id DESC LIMIT $7) ORDER BY created_at DESC, id DESC",
-        );
         let mut list = self.list().await?;
-        let rows = sqlx::query(statement)
+        let rows = sqlx::query(page(filter))
             .bind(after.created_at)
             .bind(after.id)
             .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
@@ -165,6 +141,24 @@ impl Catalog {
             Ok(Deleted::Done)
         })
         .await
+    }
+
+    /// Writes beside at most `limit` tags, of all tenants, the time of their material, which programs of the fifth schema
+    /// leave out. Returns the number of tags that got theirs.
+    pub(crate) async fn date_tags(&self, limit: u32) -> Result<u64, CatalogError> {
+        let _turn = self.turn().await;
+        let dated = sqlx::query(self.sql(
+            "WITH undated AS MATERIALIZED (SELECT tenant, material, tag FROM material_tags WHERE created_at IS NULL \
+             ORDER BY tenant, material, tag LIMIT $1{skip}) \
+             UPDATE material_tags SET created_at = (SELECT m.created_at FROM materials m \
+             WHERE m.tenant = material_tags.tenant AND m.id = material_tags.material) FROM undated \
+             WHERE material_tags.tenant = undated.tenant AND material_tags.material = undated.material \
+             AND material_tags.tag = undated.tag",
+        ))
+        .bind(i64::from(limit))
+        .execute(&self.pool)
+        .await?;
+        Ok(dated.rows_affected())
     }
 
     /// Reads rows of this tenant's materials together with their tags, source measurements and readers, in three
@@ -203,6 +197,47 @@ impl Catalog {
         }
         Ok(materials)
     }
+}
+
+/// Returns the SQL statement that reads a page of materials. The page is found in an index; only its own rows, which are
+/// wide, are read from the table.
+fn page(filter: &MaterialFilter) -> SqlStr {
+    let others = and(&[
+        (filter.quantity.is_some(), "m.quantity = $3"),
+        (
+            filter.measurement.is_some(),
+            "EXISTS (SELECT 1 FROM material_sources s WHERE s.tenant = $8 AND s.material = m.id AND s.measurement = $4)",
+        ),
+        (filter.q.is_some(), "m.search LIKE $6 ESCAPE '\\'"),
+    ]);
+    let ids = if filter.tag.is_none() {
+        format!(
+            "SELECT m.id FROM materials m WHERE m.tenant = $8 AND (m.created_at, m.id) < ($1, $2){others} \
+             ORDER BY m.created_at DESC, m.id DESC LIMIT $7"
+        )
+    } else {
+        // Tags are in the order of time, but for the few that wait for the time of their material.
+        let tagged = "FROM material_tags t JOIN materials m ON m.tenant = t.tenant AND m.id = t.material \
+                      WHERE t.tenant = $8 AND t.tag = $5";
+        format!(
+            "SELECT id FROM (\
+             SELECT * FROM (SELECT t.material AS id, t.created_at {tagged} AND (t.created_at, t.material) < ($1, $2)\
+             {others} ORDER BY t.created_at DESC, t.material DESC LIMIT $7) AS dated \
+             UNION ALL \
+             SELECT * FROM (SELECT m.id, m.created_at {tagged} AND t.created_at IS NULL \
+             AND (m.created_at, m.id) < ($1, $2){others} ORDER BY m.created_at DESC, m.id DESC LIMIT $7) AS undated\
+             ) AS tagged ORDER BY created_at DESC, id DESC LIMIT $7"
+        )
+    };
+    let statement = format!(
+        concat!(
+            "SELECT ",
+            columns!(),
+            " FROM materials WHERE tenant = $8 AND id IN ({}) ORDER BY created_at DESC, id DESC"
+        ),
+        ids
+    );
+    AssertSqlSafe(statement).into_sql_str()
 }
 
 /// Reads the row of a material without its tags, source measurements and readers.
@@ -247,7 +282,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
     let row = sqlx::query(
         "INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at) \
          VALUES ($8, $1, $2, $3, $4, NULL, $7, $5, $6) \
-         ON CONFLICT (tenant, id) DO UPDATE SET payload = excluded.payload RETURNING name, document, search",
+         ON CONFLICT (tenant, id) DO UPDATE SET payload = excluded.payload RETURNING name, document, search, created_at",
     )
     .bind(id.clone())
     .bind(new.payload.to_string())
@@ -260,6 +295,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
     .fetch_one(&mut *write.transaction)
     .await?;
     let is_new = row.try_get::<String, _>("search")? == UNFILLED;
+    let created_at: i64 = row.try_get("created_at")?;
     let text: String = row.try_get("document")?;
     let mut document: Map<String, Value> = serde_json::from_str(&text).map_err(|e| CatalogError::Row {
         table: "materials",
@@ -285,12 +321,16 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
         .await?;
     }
     for tag in &new.tags {
-        sqlx::query("INSERT INTO material_tags (tenant, material, tag) VALUES ($3, $1, $2) ON CONFLICT DO NOTHING")
-            .bind(id.clone())
-            .bind(tag.clone())
-            .bind(owner.clone())
-            .execute(&mut *write.transaction)
-            .await?;
+        sqlx::query(
+            "INSERT INTO material_tags (tenant, material, tag, created_at) VALUES ($3, $1, $2, $4) \
+             ON CONFLICT DO NOTHING",
+        )
+        .bind(id.clone())
+        .bind(tag.clone())
+        .bind(owner.clone())
+        .bind(created_at)
+        .execute(&mut *write.transaction)
+        .await?;
     }
     let tags = sqlx::query("SELECT tag FROM material_tags WHERE tenant = $2 AND material = $1 ORDER BY tag")
         .bind(id.clone())
@@ -398,6 +438,62 @@ mod tests {
             assert_eq!((fourth.name.as_deref(), &document["names"]), (Some("Vase"), &json!(["Büste", "Vase"])));
             assert_eq!(catalog.material_name(first.id).await.unwrap(), Some(Some("Vase".to_owned())));
             assert_eq!(catalog.material_name(Digest::of(b"other")).await.unwrap(), None);
+        }
+    }
+
+    /// Returns the ids of all materials that a filter leaves, read in pages of two.
+    async fn paged(catalog: &Catalog, filter: &MaterialFilter) -> Vec<Digest> {
+        let (mut ids, mut next) = (Vec::new(), None);
+        loop {
+            let page = catalog.materials(filter, next, 2).await.unwrap();
+            ids.extend(page.items.iter().map(|row| row.id));
+            next = page.next;
+            if next.is_none() {
+                return ids;
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn a_tag_lists_its_materials_in_order_also_those_of_an_older_program() {
+        for (catalog, _guard) in testing::catalogs().await {
+            for number in 0..12_i64 {
+                let tags: &[&str] = if number % 3 == 0 { &["wood"] } else { &["clay", "wood"] };
+                let quantity = if number % 2 == 0 { Quantity::Edf } else { Quantity::Brdf };
+                let id = Digest::of(&number.to_le_bytes());
+                remember(&catalog, &NewMaterial { id, quantity, ..material(None, None, tags) }).await;
+                // Pairs of one time, so that ids decide.
+                for statement in [
+                    "UPDATE materials SET created_at = $2 WHERE id = $1",
+                    "UPDATE material_tags SET created_at = $2 WHERE material = $1",
+                ] {
+                    let aged = sqlx::query(statement).bind(id.to_string()).bind(number / 2);
+                    aged.execute(&catalog.pool).await.unwrap();
+                }
+                // As a program of the schema before writes it.
+                if number % 4 == 1 {
+                    let undated = sqlx::query("UPDATE material_tags SET created_at = NULL WHERE material = $1");
+                    undated.bind(id.to_string()).execute(&catalog.pool).await.unwrap();
+                }
+            }
+            let all = paged(&catalog, &MaterialFilter::default()).await;
+            assert_eq!(all.len(), 12);
+            for undated in [5, 0] {
+                let rows = testing::count(&catalog, "material_tags WHERE created_at IS NULL").await;
+                assert_eq!(rows, undated);
+                for quantity in [None, Some(Quantity::Edf), Some(Quantity::Brdf)] {
+                    let filter = MaterialFilter { quantity, ..MaterialFilter::default() };
+                    let some = paged(&catalog, &filter).await;
+                    let tagged = |tag: &str| MaterialFilter { tag: Some(tag.to_owned()), ..filter.clone() };
+                    assert_eq!(paged(&catalog, &tagged("wood")).await, some);
+                    let mut clay = some.clone();
+                    clay.retain(|id| (0..12_i64).any(|n| n % 3 != 0 && Digest::of(&n.to_le_bytes()) == *id));
+                    assert_eq!(paged(&catalog, &tagged("clay")).await, clay);
+                }
+                while catalog.date_tags(2).await.unwrap() == 2 {}
+            }
+            let joined = "material_tags t JOIN materials m ON t.material = m.id AND t.created_at = m.created_at";
+            assert_eq!(testing::count(&catalog, joined).await, 20);
         }
     }
 

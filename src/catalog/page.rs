@@ -65,12 +65,12 @@ impl FromStr for Cursor {
 /// Returns the SQL statement that reads a list: `start`, those conditions whose filter is given, and `end`. A filter
 /// that is not given leaves no trace in the statement, so that the database can choose an index for the others.
 pub(super) fn filtered(start: &'static str, conditions: &[(bool, &'static str)], end: &'static str) -> SqlStr {
-    let mut text = start.to_owned();
-    for (_, condition) in conditions.iter().filter(|(given, _)| *given) {
-        text.extend([" AND ", condition]);
-    }
-    text.push_str(end);
-    AssertSqlSafe(text).into_sql_str()
+    AssertSqlSafe([start, &and(conditions), end].concat()).into_sql_str()
+}
+
+/// Returns those SQL conditions whose filter is given, each after an `AND`.
+pub(super) fn and(conditions: &[(bool, &'static str)]) -> String {
+    conditions.iter().filter(|(given, _)| *given).flat_map(|(_, condition)| [" AND ", condition]).collect()
 }
 
 /// Returns the pattern with which SQL's `LIKE … ESCAPE '\'` finds `text`, in lower case, as a substring.

@@ -38,7 +38,7 @@ const FEW: f64 = 250.0;
 const SOME: f64 = 8000.0;
 
 /// Upper bound in place of `SOME` for the largest tested catalog. A list of ended jobs there reads past more than
-/// 10,000 that wait or run; a list by a tag that one material in a hundred has reads past as many materials.
+/// 10,000 that wait or run.
 const MANY: f64 = 16_000.0;
 
 /// Number of rows that a sweep takes at a time, below [`FEW`], the bound on the rows that its plans may read.
@@ -330,6 +330,13 @@ async fn sweep(on: &mut Explained) {
         .collect();
     assert!(due.len() > 99);
     on.check("deleted", FEW, false, catalog.deleted(&due)).await.unwrap();
+    let undated = "UPDATE material_tags SET created_at = NULL WHERE material IN (SELECT id FROM materials \
+                   ORDER BY created_at DESC LIMIT 100)";
+    catalog.pool.execute(undated).await.unwrap();
+    let tag = MaterialFilter { tag: Some("tag7".to_owned()), ..MaterialFilter::default() };
+    let page = on.check("tag of an older program", on.most, true, catalog.materials(&tag, None, 100)).await.unwrap();
+    assert_eq!(page.items.len(), 100);
+    assert!(on.check("date tags", FEW, false, catalog.date_tags(BATCH)).await.unwrap() > 99);
     on.check("blobs for a check", FEW, false, catalog.blobs_beginning(Some(7), None, 200)).await.unwrap();
     let jobs = number(&catalog, "SELECT COUNT(*) FROM jobs").await;
     let succeeded = number(

@@ -22,6 +22,8 @@ pub(crate) const EDITION: Edition = Edition {
         ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
         ("0004_trust", include_str!("../../migrations/0004_trust.sql")),
         ("0005_requests", include_str!("../../migrations/0005_requests.sql")),
+        ("0006_tag_ages", include_str!("../../migrations/0006_tag_ages.sql")),
+        ("0007_tags_by_age", include_str!("../../migrations/0007_tags_by_age.sql")),
     ],
     // 2: jobs of other tenants than the default one, which older workers would look for among the rows of that one.
     level: OTHER_TENANTS,

@@ -94,13 +94,22 @@ impl Archive {
         while self.catalog.doom_expired(AT_ONCE, LATE).await? == u64::from(AT_ONCE) && !stopped() {}
         self.doom(limits.grace, stopped).await?;
         self.delete(&mut report, stopped).await?;
-        // Last, and without consequence: a count that fails must not keep what is to be deleted.
+        // Last, and without consequence: neither may keep what is to be deleted.
+        if let Err(error) = self.date_tags(stopped).await {
+            tracing::error!(%error, "tags did not get the time of their material, so lists find them more slowly");
+        }
         if !stopped()
             && let Err(error) = self.catalog.recount().await
         {
             tracing::error!(%error, "the bytes and materials of tenants were not counted");
         }
         Ok(report)
+    }
+
+    /// Writes beside tags the time of their material, where programs of an earlier schema have left it out.
+    async fn date_tags(&self, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), ArchiveError> {
+        while !stopped() && self.catalog.date_tags(AT_ONCE).await? == u64::from(AT_ONCE) {}
+        Ok(())
     }
 
     /// Lists for deletion the objects of all tenants to which no row of the catalog refers any more.

@@ -30,10 +30,9 @@ INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, docum
     FROM generate_series(1, :materials) AS i;
 INSERT INTO material_sources (tenant, material, measurement)
     SELECT 'default', pg_temp.digest('material', i), pg_temp.digest('measurement', i) FROM generate_series(1, :materials) AS i;
-INSERT INTO material_tags (tenant, material, tag)
-    SELECT 'default', pg_temp.digest('material', i), 'tag' || i % 100 FROM generate_series(1, :materials) AS i;
-INSERT INTO material_tags (tenant, material, tag)
-    SELECT 'default', pg_temp.digest('material', i), 'rare' FROM generate_series(1, :materials, 5000) AS i;
+INSERT INTO material_tags (tenant, material, tag, created_at)
+    SELECT 'default', m.id, tags.tag, m.created_at FROM materials m, LATERAL regexp_split_to_table(m.search, chr(10)) AS tags (tag)
+    WHERE tags.tag NOT LIKE 'sample%';
 INSERT INTO queue_shares (tenant, share, next_rank, used_at)
     SELECT 'default', 'address ' || i, :jobs * 2, pg_temp.now_ms() - 1000 * i FROM generate_series(1, LEAST(:jobs / 10, 20000)) AS i;
 INSERT INTO jobs (id, tenant, share, frame, measurement, needs, state, rank, progress, attempts, epoch, worker, lease_until,
