@@ -143,8 +143,8 @@ impl Catalog {
         .await
     }
 
-    /// Writes beside at most `limit` tags, of all tenants, the time of their material, which programs of the fifth schema
-    /// leave out. Returns the number of tags that got theirs.
+    /// Writes beside at most `limit` tags, of all tenants, the time of their material, which programs of the fifth
+    /// schema leave out. Returns the number of tags that got theirs.
     pub(crate) async fn date_tags(&self, limit: u32) -> Result<u64, CatalogError> {
         let _turn = self.turn().await;
         let dated = sqlx::query(self.sql(
@@ -199,8 +199,8 @@ impl Catalog {
     }
 }
 
-/// Returns the SQL statement that reads a page of materials. The page is found in an index; only its own rows, which are
-/// wide, are read from the table.
+/// Returns the SQL statement that reads a page of materials. The page is found in an index; only its own rows, which
+/// are wide, are read from the table.
 fn page(filter: &MaterialFilter) -> SqlStr {
     let others = and(&[
         (filter.quantity.is_some(), "m.quantity = $3"),

@@ -218,7 +218,7 @@ class Model:
 
     def mixed(self, coder, contexts, name):
         slots = [self.slot(context) for context in contexts]
-        weights = self.weights.setdefault(name, [26214] * 3)
+        weights = self.weights.setdefault(name, [26214 if len(slots) == 3 else 15728] * len(slots))
         stretched = [STRETCH[slot[0] >> 10] for slot in slots]
         odds = sum(s * w for s, w in zip(stretched, weights)) >> 16
         p1 = SQUASH[min(max(odds, -ODDS), ODDS) + ODDS]
@@ -449,8 +449,8 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR, BETWEEN, LOBE = (
-    1 << k for k in range(15)
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR, BETWEEN, LOBE, WIDE = (
+    1 << k for k in range(16)
 )
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
@@ -470,8 +470,8 @@ def read_header(r):
     require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
-    others = CLASSES | FLOOR | COUNTS | STRAIGHT | BETWEEN | LOBE
-    allowed = {RD: 4095 | BETWEEN | LOBE, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
+    others = CLASSES | FLOOR | COUNTS | STRAIGHT | BETWEEN | LOBE | WIDE
+    allowed = {RD: 4095 | BETWEEN | LOBE | WIDE, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -516,7 +516,7 @@ def read_header(r):
     for flag, name in [(LIGHT, "light_step"), (CORRECTIONS, "correction_step"), (FLOOR, "floor")]:
         if h.flags & flag:
             setattr(h, name, F(r.number("f")))
-            signed = flag == LIGHT and h.flags & GRIDDED and h.flags & CLASSES
+            signed = flag == LIGHT and h.flags & GRIDDED and h.flags & (CLASSES | WIDE)
             size = abs(getattr(h, name)) if signed else getattr(h, name)
             require(size > 0, f"a {name} that is no positive number")
             r.note(r.at - 4, f"{name.replace('_', ' ')} {getattr(h, name):.9g}")
@@ -546,7 +546,7 @@ def read_header(r):
 
 
 def announced(h):
-    letters = [("V", h.flags & BETWEEN), ("A", h.flags & LOBE), ("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
+    letters = [("V", h.flags & BETWEEN), ("A", h.flags & LOBE), ("C", h.flags & CLASSES), ("D", h.flags & WIDE), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
     letters += [("Q", h.policy != LOSSLESS and not h.flags & (PREDICTED | GRIDDED))]
     letters += [("L", h.flags & LIGHT), ("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
     return [letter for letter, there in letters if there]
@@ -730,6 +730,66 @@ def decode_grid_classes(data, shape):
                         row.append(MASKED)
                 classes[i, p, :, lane] = row
         other_lane = lane
+    return classes.reshape(-1)
+
+
+def decode_wide_classes(data, shape):
+    coder, lane_model, row_model, model = Decoder(data), Model(), Model(), Model()
+    incoming, polar, around = shape.incoming, shape.polar, shape.around
+    nothing = np.zeros((incoming, polar, around), np.uint8)
+    planes, sames = [nothing, nothing], 0
+    classes = np.zeros((incoming, polar, around, shape.length), np.uint8)
+    for number, lane in enumerate(lanes_of(shape.length)):
+        if number > 0:
+            same = lane_model.one(coder, ("lane", sames))
+            sames = (sames << 1 | same) & 3
+            if same:
+                classes[:, :, :, lane] = planes[-1]
+                planes = [planes[-1], planes[-1]]
+                continue
+        own, repeats = nothing.copy(), 0
+        further, other = planes
+
+        def line(plane, i, p):
+            return [int(c) for c in plane[i, p]] if 0 <= i and 0 <= p < polar else [POSITIVE] * around
+
+        for i in range(incoming):
+            for p in range(polar):
+                up, up2, back, back2 = line(own, i, p - 1), line(own, i, p - 2), line(own, i - 1, p), line(own, i - 2, p)
+                over, under = line(own, i - 1, p - 1), line(own, i - 1, p + 1)
+                o, o2 = line(other, i, p), line(further, i, p)
+                o_over, o_under = line(other, i, p - 1), line(other, i, p + 1)
+                alike = back if i > 0 else up
+                pair = (o == (line(other, i - 1, p) if i > 0 else o_over), o == alike)
+                even, steady = all(c == alike[0] for c in alike), back == back2
+                share = 4 * sum(c != POSITIVE for c in alike) // around
+                contexts = [("first", repeats, pair), ("second", even, steady, up == over, pair), ("third", share, repeats, even, steady)]
+                repeat = row_model.mixed(coder, contexts, pair)
+                repeats = (repeats << 1 | repeat) & 3
+                row = list(alike) if repeat else []
+                there = lambda row, *places: tuple(0 <= j < len(row) and row[j] != POSITIVE for j in places)
+                count = lambda rows, *places: sum(sum(there(row, *places)) for row in rows)
+                while len(row) < around:
+                    j = len(row)
+                    near = (row[j - 1] if j > 0 else POSITIVE, up[j], back[j], o[j])
+                    left = there(row, j - 1)
+                    cross = there(row, j - 1, j - 2, j - 3) + there(up, j - 1, j, j + 1) + there(up2, j) + there(back, j - 1, j, j + 1) + there(o, j)
+                    behind = there(back, j - 1, j, j + 1) + there(back2, j) + there(over, j) + there(under, j) + left + there(up, j) + there(o, j)
+                    aside = there(o, j - 1, j, j + 1) + there(o_under, j) + there(o_over, j) + there(o2, j) + left + there(up, j)
+                    counts = (
+                        count([up, up2], j - 2, j - 1, j, j + 1, j + 2), count([back, over, under], j - 1, j, j + 1),
+                        count([o, o_over, o_under], j - 1, j, j + 1), there(row, j - 1, j - 2),
+                    )
+                    for kind, code in enumerate([POSITIVE, NEGATIVE, ZERO]):
+                        contexts = [("near", kind, near), ("cross", kind, cross), ("behind", kind, behind), ("aside", kind, aside), ("counts", kind, counts)]
+                        if not model.mixed(coder, contexts, (kind, o[j])):
+                            row.append(code)
+                            break
+                    else:
+                        row.append(MASKED)
+                own[i, p] = row
+        classes[:, :, :, lane] = own
+        planes = [other, own]
     return classes.reshape(-1)
 
 
@@ -2635,6 +2695,10 @@ class Material:
             chunk = self.chunks["C"]
             coded = chunk.take(chunk.left(), "range-coded: classes")
             self.classes = decode_grid_classes(coded, h.grid) if h.grid else decode_classes(coded, h.count, lanes)
+        if "D" in self.chunks:
+            require(h.grid and "C" not in self.chunks, "a chunk D without a grid of angles, or beside a chunk C")
+            chunk = self.chunks["D"]
+            self.classes = decode_wide_classes(chunk.take(chunk.left(), "range-coded: classes in wide contexts"), h.grid)
         self.samples = self.decode(h, lanes) if level is None else self.decode_level(h, level)
         if last in self.chunks and level is None:
             chunk = self.chunks[last]

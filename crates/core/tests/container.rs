@@ -147,6 +147,7 @@ fn all() -> Vec<Golden> {
         lamp(),
         paint(),
         dark(),
+        border(),
         leaf(),
         spot(),
         varnish(),
@@ -381,6 +382,26 @@ fn dark() -> Golden {
     golden.settings.floor = Some(0.1);
     golden.settings.albedo_error = Some(0.002);
     golden
+}
+
+/// Grid whose classes are in wide contexts: a border of zeros that moves with incidence and lane and is as uneven at
+/// each incidence, with masks and negative samples beside it.
+fn border() -> Golden {
+    let azimuths = Azimuths { angles: (0..12).map(|i| 30.0 * f64::from(i)).collect(), extent: AzimuthExtent::Circle };
+    let polar: Vec<f64> = (0..12).map(|i| 7.5 * f64::from(i)).collect();
+    let grid = DirectionGrid::new(Frame::Surface, polar, Some(azimuths)).unwrap();
+    let incoming = Axis::Elevation((0..6).map(|i| 12.0 * f64::from(i)).collect());
+    let data = tensor(vec![incoming, Axis::Grid(grid), Axis::Rgb], |i, at| {
+        let (polar, azimuth) = (at[1] / 12, at[1] % 12);
+        let edge = 6.0 + 2.0 * noise(azimuth / 2 + 100 * (polar / 7)) + 0.3 * (at[0] + at[2]) as f64;
+        match (polar as f64) - edge {
+            beyond if beyond > 2.0 && noise(i / 3 % 144) > 0.9 => f64::NAN,
+            beyond if beyond > 0.0 => 0.0,
+            beyond if beyond > -1.0 && noise(at[1] + 500) > 0.5 => -0.1,
+            _ => 1.0 / (1.0 + 0.1 * (polar * polar) as f64),
+        }
+    });
+    golden("border", Quantity::Brdf, data, Target::ErL2(0.05))
 }
 
 /// Grid in chunk G with the spectral basis computed from the data and corrections: a circle with an odd number of

@@ -183,7 +183,7 @@ async fn a_changed_certificate_is_used_without_a_failed_request_and_a_faulty_one
     let new = authority.issue("new", HERE);
     let (old, next) = (der(&files.chain), der(&new.chain));
     let service = secure(data.path(), &authority, files.clone(), |_| {}).await;
-    // Requests without a pause: on connections of their own, and on one that stays.
+    // Requests one after another: on connections of their own, and on one that stays.
     let (ends, answered) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
     let mut load = Vec::new();
     for stays in [false, false, true] {
@@ -197,6 +197,7 @@ async fn a_changed_certificate_is_used_without_a_failed_request_and_a_faulty_one
                     .unwrap_or_else(|| Client::builder().no_proxy().tls_certs_only([root.clone()]).build().unwrap());
                 assert_eq!(client.get(&url).send().await.unwrap().status(), StatusCode::OK);
                 answered.fetch_add(1, SeqCst);
+                tokio::time::sleep(Duration::from_millis(30)).await;
             }
         }));
     }

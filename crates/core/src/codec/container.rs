@@ -40,6 +40,8 @@ pub(crate) enum ChunkKind {
     Lobe,
     /// Class of each sample: positive, negative, zero or masked.
     Classes,
+    /// Class of each sample on grids of angles, coded in wide contexts.
+    WideClasses,
     /// Spectral basis computed from the data (principal components).
     Basis,
     /// Samples on triangles of the sphere, predicted from one subdivision level to the next.
@@ -74,6 +76,7 @@ impl ChunkKind {
             Self::Between => b'V',
             Self::Lobe => b'A',
             Self::Classes => b'C',
+            Self::WideClasses => b'D',
             Self::Basis => b'B',
             Self::Pyramid => b'P',
             Self::Grid => b'G',
@@ -92,6 +95,7 @@ impl ChunkKind {
             Self::Between => "interpolation chunk",
             Self::Lobe => "lobe chunk",
             Self::Classes => "classes chunk",
+            Self::WideClasses => "wide classes chunk",
             Self::Basis => "basis chunk",
             Self::Pyramid => "pyramid chunk",
             Self::Grid => "grid chunk",

@@ -22,6 +22,7 @@ mod spacing;
 mod steps;
 mod symbols;
 mod text;
+mod wide_classes;
 
 pub(crate) use axes::{read_axes, write_axes};
 pub(crate) use bytes::{Reader, Writer};
@@ -37,3 +38,4 @@ pub(crate) use range::{BitCoder, Decoder, Encoder};
 pub(crate) use residuals::{DEPTHS, Expected, ResidualCoder, code_number};
 pub(crate) use steps::{code_flags, code_steps};
 pub(crate) use text::{TYPICAL, read_text, write_text};
+pub(crate) use wide_classes::code_wide_classes;

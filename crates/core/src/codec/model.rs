@@ -13,6 +13,8 @@ pub(crate) const INPUTS: usize = 3;
 /// Number of predictions that are mixed for one binary decision if the caller supplies log-odds in addition to the
 /// adaptive probabilities.
 const GUIDED: usize = INPUTS + 1;
+/// Number of adaptive probabilities that together predict one binary decision where more are known.
+pub(crate) const WIDE: usize = 5;
 
 /// Number of bits of a stored probability; 16 of them are used for coding.
 const PROBABILITY_BITS: u32 = 22;
@@ -65,22 +67,16 @@ pub(crate) struct Model<const N: usize = INPUTS> {
 }
 
 impl Model {
-    /// Creates a model with `slots` adaptive probabilities of one half and `sets` sets of mixing weights.
+    /// Creates a model with `slots` adaptive probabilities of one half and `sets` sets of weights that mix three.
     pub(crate) fn new(slots: usize, sets: usize) -> Self {
         Self::starting(slots, sets, [26_214; INPUTS])
     }
+}
 
-    /// Encodes or decodes one binary decision predicted by three adaptive probabilities, mixed with weight set `set`.
-    #[inline]
-    pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
-        // Written out here and in `coefficients`: in test builds a `map` of the array costs several calls per decision.
-        let [first, second, third] = slots;
-        let stretched = [self.odds_of(first), self.odds_of(second), self.odds_of(third)];
-        let bit = self.mix(coder, bit, stretched, set);
-        for slot in slots {
-            self.update(slot, bit);
-        }
-        bit
+impl Model<WIDE> {
+    /// Creates a model with `slots` adaptive probabilities of one half and `sets` sets of weights that mix five.
+    pub(crate) fn wide(slots: usize, sets: usize) -> Self {
+        Self::starting(slots, sets, [15_728; WIDE])
     }
 }
 
@@ -112,6 +108,17 @@ impl Model<GUIDED> {
 }
 
 impl<const N: usize> Model<N> {
+    /// Encodes or decodes one binary decision predicted by `N` adaptive probabilities, mixed with weight set `set`.
+    #[inline]
+    pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; N], set: usize) -> bool {
+        let stretched = slots.map(|slot| self.odds_of(slot));
+        let bit = self.mix(coder, bit, stretched, set);
+        for slot in slots {
+            self.update(slot, bit);
+        }
+        bit
+    }
+
     fn starting(slots: usize, sets: usize, weights: [i32; N]) -> Self {
         Self { slots: vec![Slot { p: ONE / 2, count: 0 }; slots], weights: vec![weights; sets], tables: &TABLES }
     }

@@ -3,7 +3,7 @@
 use super::header::Header;
 use super::rd::gridded::Shape;
 use super::rows::lanes;
-use crate::codec::{BitCoder, ChunkKind, Class, Decoder, Encoder, code_classes, code_grid_classes};
+use crate::codec::{ChunkKind, Class, Decoder, Encoder, code_classes, code_grid_classes, code_wide_classes};
 use crate::domain::Axis;
 
 /// Encodes the class (positive, negative, zero or masked) of every sample as a chunk; `None` if all are positive.
@@ -12,28 +12,31 @@ pub(super) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(Chu
         return None;
     }
     let mut encoder = Encoder::default();
-    code(&mut encoder, axes, classes);
-    Some((ChunkKind::Classes, encoder.finish()))
+    let Some(shape) = Shape::of(axes) else {
+        code_classes(&mut encoder, lanes(axes), classes);
+        return Some((ChunkKind::Classes, encoder.finish()));
+    };
+    // The narrow contexts have less to learn, and programs of before can read them.
+    let (grid, mut wide) = (shape.class_grid(), Encoder::default());
+    code_grid_classes(&mut encoder, &grid, classes);
+    code_wide_classes(&mut wide, &grid, classes);
+    let (narrow, wide) = (encoder.finish(), wide.finish());
+    // The flag of the wide ones lengthens the header by a byte.
+    Some(if wide.len() + 1 < narrow.len() { (ChunkKind::WideClasses, wide) } else { (ChunkKind::Classes, narrow) })
 }
 
 /// Decodes the class (positive, negative, zero or masked) of every sample; `None` if the file states that all are
 /// positive.
 pub(super) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>) -> Option<Vec<Class>> {
-    header.has_classes.then(|| {
-        let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
-        let coded = chunk(ChunkKind::Classes).unwrap_or_default();
-        code(&mut Decoder::new(coded), &header.axes, &mut classes);
-        classes
-    })
-}
-
-/// Codes the class (positive, negative, zero or masked) of every sample. On grids of angles the context is the
-/// neighbours on every axis.
-fn code<C: BitCoder>(coder: &mut C, axes: &[Axis], classes: &mut [Class]) {
-    match Shape::of(axes) {
-        Some(shape) => code_grid_classes(coder, &shape.class_grid(), classes),
-        None => code_classes(coder, lanes(axes), classes),
+    let kind = header.classes?;
+    let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
+    let decoder = &mut Decoder::new(chunk(kind).unwrap_or_default());
+    match Shape::of(&header.axes) {
+        Some(shape) if kind == ChunkKind::WideClasses => code_wide_classes(decoder, &shape.class_grid(), &mut classes),
+        Some(shape) => code_grid_classes(decoder, &shape.class_grid(), &mut classes),
+        None => code_classes(decoder, lanes(&header.axes), &mut classes),
     }
+    Some(classes)
 }
 
 /// Turns decoded magnitudes into samples by the class of each sample: positive ones stay, negative ones change sign,

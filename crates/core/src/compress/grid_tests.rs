@@ -256,7 +256,14 @@ fn any_grid_chunk_decodes_or_is_refused() {
         let settings = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };
         let file = compress(&m, &settings, &Silent).unwrap();
         let (_, container) = super::decode::open(&file.bytes).unwrap();
-        let kinds = [ChunkKind::Header, ChunkKind::Classes, ChunkKind::Basis, ChunkKind::Grid, ChunkKind::Provenance];
+        let kinds = [
+            ChunkKind::Header,
+            ChunkKind::Classes,
+            ChunkKind::WideClasses,
+            ChunkKind::Basis,
+            ChunkKind::Grid,
+            ChunkKind::Provenance,
+        ];
         let chunks: Vec<(ChunkKind, Vec<u8>)> =
             kinds.iter().filter_map(|&kind| Some((kind, container.get(kind)?.payload.to_vec()))).collect();
         assert_eq!(write_container(&chunks), file.bytes);
@@ -268,13 +275,48 @@ fn any_grid_chunk_decodes_or_is_refused() {
                 changed[grid].1[at] ^= change;
                 let decoded = decode(&write_container(&changed));
                 outcomes[usize::from(decoded.is_ok())] += 1;
-                let cut = [&chunks[..grid], &[(ChunkKind::Grid, chunks[grid].1[..at].to_vec())], &chunks[grid + 1..]];
-                drop(decode(&write_container(&cut.concat())));
             }
+            let cut = [&chunks[..grid], &[(ChunkKind::Grid, chunks[grid].1[..at].to_vec())], &chunks[grid + 1..]];
+            drop(decode(&write_container(&cut.concat())));
         }
         assert!(outcomes[0] > 0 && outcomes[1] > 0, "{outcomes:?}");
         assert!(matches!(Container::read(&file.bytes[..9], |_| Ok(((), vec![]))), Err(CodecError::Truncated { .. })));
     }
+}
+
+#[test]
+fn any_wide_classes_decode_or_are_refused() {
+    // Dark beyond a border that moves with incidence and lane and is as uneven at each, so that wide contexts take
+    // fewer bytes.
+    let around = (every(15.0, 24), AzimuthExtent::Circle);
+    let axes = [Axis::Elevation(every(10.0, 8)), grid(Frame::Surface, every(5.0, 18), Some(around)), Axis::Rgb];
+    let m = with_samples(&measured(Quantity::Brdf, &axes, 0.2), |samples| {
+        let uneven = |at: usize| at.wrapping_mul(2_654_435_761) >> 7 & 7;
+        let is_dark = |i: usize| i / 72 % 18 + uneven(i / 3 % 432) > 10 + i / 1296 / 2 + i % 3;
+        samples.iter().enumerate().map(|(i, &s)| if is_dark(i) { 0.0 } else { s }).collect()
+    });
+    let file = compress(&m, &settings(Target::ErL2(0.1), Policy::Rd), &Silent).unwrap();
+    let (header, container) = super::decode::open(&file.bytes).unwrap();
+    assert_eq!(header.classes, Some(ChunkKind::WideClasses));
+    let kinds = [ChunkKind::Header, ChunkKind::WideClasses, ChunkKind::Basis, ChunkKind::Grid, ChunkKind::Provenance];
+    let chunks: Vec<(ChunkKind, Vec<u8>)> =
+        kinds.iter().filter_map(|&kind| Some((kind, container.get(kind)?.payload.to_vec()))).collect();
+    assert_eq!(write_container(&chunks), file.bytes);
+    for at in 0..chunks[1].1.len() {
+        let mut changed = chunks.clone();
+        changed[1].1[at] ^= 0x55;
+        if let Ok(decoded) = decode(&write_container(&changed)) {
+            assert_eq!(decoded.measurement.tensor.samples().len(), m.tensor.samples().len());
+        }
+        let cut = (ChunkKind::WideClasses, chunks[1].1[..at].to_vec());
+        drop(decode(&write_container(&[&chunks[..1], &[cut], &chunks[2..]].concat())));
+    }
+    // Both kinds of classes at once are refused.
+    let mut both = chunks.clone();
+    both[0].1[2] |= 4;
+    both.insert(1, (ChunkKind::Classes, Vec::new()));
+    let error = decode(&write_container(&both)).unwrap_err().to_string();
+    assert!(error.contains("wide classes chunk, but no grid of angles, or a classes chunk as well"), "{error}");
 }
 
 #[test]

@@ -15,7 +15,8 @@
 //!         2048 the grid chunk states coarser levels (flag 512);
 //!         4096 samples are a factor times the numbers of the exact chunk (policy 2);
 //!         8192 there is an interpolation chunk (an axis of incoming directions);
-//!         16384 there is a lobe chunk (a BRDF over triangles)
+//!         16384 there is a lobe chunk (a BRDF over triangles);
+//!         32768 there is a wide classes chunk (the last directions are a grid; not flag 4)
 //! axes    as in `codec`'s axes
 //! flag 1024: u8 the share of straight lines in 255ths, 1 … 255
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
@@ -89,7 +90,8 @@ pub(crate) struct Header {
     /// samples alone or to all others.
     pub(crate) light_step: f32,
     pub(crate) correction_step: f32,
-    pub(crate) has_classes: bool,
+    /// Kind of the chunk of the samples' classes (positive, negative, zero, masked); `None` if all are positive.
+    pub(crate) classes: Option<ChunkKind>,
     pub(crate) floor: f32,
     /// Common factor of a lossless file: each sample is this factor times the number that the file stores for it; 1
     /// without a factor.
@@ -117,7 +119,8 @@ impl Flags {
     const FACTOR: u16 = 4096;
     const BETWEEN: u16 = 8192;
     const LOBE: u16 = 16_384;
-    const ALL: u16 = 32_767;
+    const WIDE_CLASSES: u16 = 32_768;
+    const ALL: u16 = u16::MAX;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -125,7 +128,7 @@ impl Flags {
         let flags = [
             (Self::KLT, header.klt),
             (Self::PREDICTED, header.predicted),
-            (Self::CLASSES, header.has_classes),
+            (Self::CLASSES, header.classes == Some(ChunkKind::Classes)),
             (Self::FLOOR, header.floor != 0.0),
             (Self::CORRECTIONS, header.correction_step != 0.0),
             (Self::UNSCORED_ERROR, header.policy != Policy::Lossless && e.max_absolute_error_unscored != 0.0),
@@ -138,6 +141,7 @@ impl Flags {
             (Self::FACTOR, header.factor != 1.0),
             (Self::BETWEEN, header.between.is_some()),
             (Self::LOBE, header.has_lobe),
+            (Self::WIDE_CLASSES, header.classes == Some(ChunkKind::WideClasses)),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -166,6 +170,11 @@ impl Flags {
             return Err(
                 r.malformed("the header announces a grid chunk, but no grid of angles, or a pyramid chunk as well")
             );
+        }
+        if self.has(Self::WIDE_CLASSES) && (self.has(Self::CLASSES) || GridShape::of(axes).is_none()) {
+            return Err(r.malformed(
+                "the header announces a wide classes chunk, but no grid of angles, or a classes chunk as well",
+            ));
         }
         if self.has(Self::LEVELS) && !self.has(Self::GRIDDED) {
             return Err(r.malformed("the header announces coarser levels of a grid chunk, but no grid chunk"));
@@ -222,7 +231,7 @@ impl Header {
             step: 0.0,
             light_step: 0.0,
             correction_step: 0.0,
-            has_classes: false,
+            classes: None,
             floor: 0.0,
             factor: 1.0,
             kept: 0,
@@ -336,7 +345,12 @@ impl Header {
             return Err(r.malformed(format!("the quantiser step is {step}, expected a positive number")));
         }
         // A negative light step in a signed grid marks odd steps as corrections of negative samples.
-        let signed = gridded && flags.has(Flags::CLASSES);
+        let classes = if flags.has(Flags::WIDE_CLASSES) {
+            Some(ChunkKind::WideClasses)
+        } else {
+            flags.has(Flags::CLASSES).then_some(ChunkKind::Classes)
+        };
+        let signed = gridded && classes.is_some();
         for (what, flag, value) in [
             ("step of the light", Flags::LIGHT, if signed { light_step.abs() } else { light_step }),
             ("correction step", Flags::CORRECTIONS, correction_step),
@@ -367,7 +381,7 @@ impl Header {
             step: if policy == Policy::Rd { step } else { 0.0 },
             light_step,
             correction_step,
-            has_classes: flags.has(Flags::CLASSES),
+            classes,
             floor,
             factor,
             kept: 0,
@@ -407,7 +421,8 @@ impl Header {
         let all = [
             (ChunkKind::Between, self.between.is_some()),
             (ChunkKind::Lobe, self.has_lobe),
-            (ChunkKind::Classes, self.has_classes),
+            (ChunkKind::Classes, self.classes == Some(ChunkKind::Classes)),
+            (ChunkKind::WideClasses, self.classes == Some(ChunkKind::WideClasses)),
             (ChunkKind::Basis, self.klt),
             (ChunkKind::Pyramid, self.predicted),
             (ChunkKind::Grid, self.gridded),
@@ -510,7 +525,7 @@ mod tests {
             linear: false,
             light_step: 0.0,
             correction_step: 0.0,
-            has_classes: false,
+            classes: None,
             floor: 0.0,
             factor: 1.0,
             kept: 437,
@@ -537,7 +552,7 @@ mod tests {
         assert!(plain.write().len() <= 32, "{}", plain.write().len());
         let mut full = Header {
             correction_step: 0.02,
-            has_classes: true,
+            classes: Some(ChunkKind::Classes),
             floor: 0.25,
             predicted: false,
             gridded: false,

@@ -31,7 +31,7 @@ impl Kept {
     /// Reads the coding of a file that keeps coefficients of its samples. `None` if its policy keeps none, or if its
     /// triangles use a basis other than bio-Haar.
     pub(crate) fn of(bytes: &[u8]) -> Result<Option<Self>, CodecError> {
-        let (Header { policy, transforms, has_classes, .. }, _) = open(bytes)?;
+        let (Header { policy, transforms, classes, .. }, _) = open(bytes)?;
         let linear = match policy {
             Policy::Conventional | Policy::Generic | Policy::Adaptive => true,
             Policy::Rd | Policy::Lossless => false,
@@ -41,7 +41,7 @@ impl Kept {
             AxisTransform::Identity | AxisTransform::Line { .. } => true,
         };
         let known = transforms.iter().all(known);
-        Ok((linear && known).then_some(Self { policy, transforms, has_masks: has_classes }))
+        Ok((linear && known).then_some(Self { policy, transforms, has_masks: classes.is_some() }))
     }
 
     /// Decodes the coefficients of a file of kept coefficients, row-major, 0 for dropped ones.

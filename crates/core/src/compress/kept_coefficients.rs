@@ -25,7 +25,7 @@ pub(super) fn parts_of(
     let samples = measurement.tensor.samples();
     let header = Header {
         transforms: transforms.to_vec(),
-        has_classes: classes.is_some(),
+        classes: classes.as_ref().map(|(kind, _)| *kind),
         floor,
         kept: count,
         errors: ErrorReport::measure(samples, samples, f64::from(floor)),

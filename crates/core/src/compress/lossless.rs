@@ -62,7 +62,7 @@ pub(crate) fn compress(
     drop(samples);
     progress.step(0.6)?;
     let header = Header {
-        has_classes: classes.is_some(),
+        classes: classes.as_ref().map(|(kind, _)| *kind),
         floor,
         factor,
         ..Header::of(measurement, Policy::Lossless).stating(settings)

@@ -209,7 +209,7 @@ impl<'a> Candidate<'a> {
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),
             correction_step: steps.correction,
-            has_classes: self.plane.coded.is_some(),
+            classes: self.plane.coded.map(|(kind, _)| *kind),
             floor: self.floor,
             kept: self.layer.kept(steps.first),
             errors: self.plane.counts,
