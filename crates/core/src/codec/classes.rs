@@ -27,12 +27,17 @@ const LEFT: usize = FAR + 3 * CLASSES * CLASSES * CLASSES;
 const SLOTS: usize = LEFT + 3 * CLASSES * CLASSES;
 
 impl Class {
-    fn of(code: u8) -> Self {
-        match code {
-            0 => Self::Positive,
-            1 => Self::Negative,
-            2 => Self::Zero,
-            _ => Self::Masked,
+    /// Encodes or decodes a class by at most three binary decisions: that it is not positive, that it is not negative,
+    /// that it is masked. `decide(number, bit)` codes decision `number`; a decoder ignores `self`.
+    pub(super) fn code(self, mut decide: impl FnMut(usize, bool) -> bool) -> Self {
+        if !decide(0, self != Self::Positive) {
+            Self::Positive
+        } else if !decide(1, self != Self::Negative) {
+            Self::Negative
+        } else if decide(2, self == Self::Masked) {
+            Self::Masked
+        } else {
+            Self::Zero
         }
     }
 }
@@ -70,22 +75,12 @@ fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, above: &[Class], furt
         let near = (left * CLASSES + up) * CLASSES + next;
         let far = (up * CLASSES + up2) * CLASSES + left;
         let beside = left * CLASSES + left2;
-        let mut decide = |kind: usize, bit: bool| {
+        row[j] = row[j].code(|kind, bit| {
             let cubes = CLASSES * CLASSES * CLASSES;
             let slots =
                 [NEAR + kind * cubes + near, FAR + kind * cubes + far, LEFT + kind * CLASSES * CLASSES + beside];
             model.code(coder, bit, slots, kind)
-        };
-        // Binary decisions in this order: positive, negative, masked.
-        let class = row[j] as u8;
-        let code = if !decide(0, class != 0) {
-            0
-        } else if !decide(1, class != 1) {
-            1
-        } else {
-            2 + u8::from(decide(2, class == 3))
-        };
-        row[j] = Class::of(code);
+        });
     }
 }
 
@@ -109,7 +104,8 @@ mod tests {
     #[test]
     fn classes_round_trip() {
         arbtest(|u| {
-            let classes = list(u, 60..=60, |u| Ok(Class::of(u.int_in_range(0..=3)?)))?;
+            let all = [Class::Positive, Class::Negative, Class::Zero, Class::Masked];
+            let classes = list(u, 60..=60, |u| u.choose(&all).copied())?;
             for lanes in [1, 5, 60] {
                 round_trip(lanes, &classes);
             }

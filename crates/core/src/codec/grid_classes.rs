@@ -91,21 +91,10 @@ fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, [up, back, other]: [&
         let near = context([left(1), up[j], back[j], other[j]]);
         let further = context([left(1), ahead(up), ahead(back), ahead(other)]);
         let along = context([left(1), left(2), up[j], other[j]]);
-        let mut decide = |kind: usize, bit: bool| {
+        row[j] = row[j].code(|kind, bit| {
             let slots = [NEAR + kind * CUBE + near, AHEAD + kind * CUBE + further, ALONG + kind * CUBE + along];
             model.code(coder, bit, slots, kind * CLASSES + other[j] as usize)
-        };
-        // Binary decisions in this order: positive, negative, masked.
-        let class = row[j];
-        row[j] = if !decide(0, class != Class::Positive) {
-            Class::Positive
-        } else if !decide(1, class != Class::Negative) {
-            Class::Negative
-        } else if decide(2, class == Class::Masked) {
-            Class::Masked
-        } else {
-            Class::Zero
-        };
+        });
     }
 }
 

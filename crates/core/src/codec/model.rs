@@ -13,7 +13,7 @@ pub(crate) const INPUTS: usize = 3;
 /// Number of predictions that are mixed for one binary decision if the caller supplies log-odds in addition to the
 /// adaptive probabilities.
 const GUIDED: usize = INPUTS + 1;
-/// Number of adaptive probabilities that together predict one binary decision where more are known.
+/// Number of adaptive probabilities that together predict one binary decision in coders that know many neighbours.
 pub(crate) const WIDE: usize = 5;
 
 /// Number of bits of a stored probability; 16 of them are used for coding.

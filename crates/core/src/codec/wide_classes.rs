@@ -74,7 +74,7 @@ struct Around<'a> {
     /// Row that the coded one may repeat: that of the incoming direction before or, without one, of the polar angle
     /// before.
     alike: &'a [Class],
-    /// The row that stands like `alike`, in the lane coded before.
+    /// Row of the same place as `alike`, in the lane coded before.
     alike_other: &'a [Class],
 }
 
@@ -225,7 +225,7 @@ impl Models {
                 lane << 1 | signs & 1,
                 counts << 2 | signs & 3,
             ];
-            let mut decide = |kind: usize, bit: bool| {
+            *class = class.code(|kind, bit| {
                 let mut start = 0;
                 let slots = std::array::from_fn(|number| {
                     let slot = start + kind * CONTEXTS[number] + contexts[number];
@@ -233,17 +233,7 @@ impl Models {
                     slot
                 });
                 self.samples.code(coder, bit, slots, kind * CLASSES + other[j] as usize)
-            };
-            // Binary decisions in this order: positive, negative, masked.
-            *class = if !decide(0, *class != Class::Positive) {
-                Class::Positive
-            } else if !decide(1, *class != Class::Negative) {
-                Class::Negative
-            } else if decide(2, *class == Class::Masked) {
-                Class::Masked
-            } else {
-                Class::Zero
-            };
+            });
             left = *class;
             signs = (signs << 1 | usize::from(left != Class::Positive)) & 7;
         }
