@@ -104,11 +104,14 @@ class Service:
         return items
 
     def done(self):
-        """Returns the numbers of uploads, of repeated and refused ones, and of queued jobs."""
+        """Returns the numbers of uploads, of repeated and refused ones, and of queued jobs.
+
+        An upload that a kill cut off (400) is none of these.
+        """
         count = collections.Counter()
         for event in self.events():
             if event["message"] == "request answered" and (event["method"], event["path"]) == ("POST", "/v1/measurements"):
-                count[{201: "uploaded", 200: "uploaded again"}.get(event["status"], "refused")] += 1
+                count[{201: "uploaded", 200: "uploaded again", 400: "cut off"}.get(event["status"], "refused")] += 1
             count["queued"] += event["message"] == "job queued"
         return tuple(count[what] for what in ("uploaded", "uploaded again", "refused", "queued"))
 
@@ -323,6 +326,8 @@ def main():
         service = Service(binary, directory)
         try:
             points = batch(binary, count, random.Random(seed), directory, service)
+        except SystemExit as failed:
+            sys.exit(f"{failed} (WAVELUME_SEED={seed})")
         finally:
             service.stop()
     after = ", ".join(map(str, points))

@@ -3,7 +3,7 @@
 
     rgl_render.py WAVELUME EXAMPLE      the built program, and the built example program `rgl`
 
-A sphere under three distant lights, 96 x 96 pixels from an orthographic camera, `scalar_spectral`, one narrow band at
+A sphere under three distant lights, 64 x 64 pixels from an orthographic camera, `scalar_spectral`, one narrow band at
 a time. The same pixels are summed here over 4 x 4 places each, every value evaluated by wavelume on the compressed
 material. Mitsuba hands `measured` the direction to the camera as `wi`, so that is what `wi` is here. The mean
 difference of the pixels must be at most 0.5 % of their mean. A diffuse sphere rendered the same way shows what the
@@ -23,7 +23,7 @@ except ImportError as error:
     print(f"rgl_render.py: {error}; install numpy and mitsuba: python3 -m pip install numpy mitsuba", file=sys.stderr)
     sys.exit(2)
 
-SIZE = 96
+SIZE = 64
 # Places along a side of a pixel here, samples of a pixel there.
 PLACES, SAMPLES = 4, 16
 TOLERANCE = 0.005

@@ -1,8 +1,9 @@
 //! Checks importance samples against quadrature: the mean of their weights must be the integral of the evaluated
 //! function.
 //!
-//! `cargo run --release -p wavelume-formats --example sampler -- 100000 24`; the numbers are those of samples per
-//! incoming direction, 100,000 by default, and of incoming directions, 24 by default.
+//! `cargo run --release -p wavelume-formats --example sampler -- 100000 24 75 1`; the numbers are those of samples per
+//! incoming direction, 100,000 by default, of incoming directions, 24 by default, and of the wavelengths from 380 to
+//! 750 nm of the glosses, 75 by default. A fourth number n takes one in n materials.
 //!
 //! The materials are BRDFs, BTDFs and a BSDF, from data/virtual and built here, each at incoming directions from 0 to
 //! 85°. The mean of f · |cos θo| / pdf over independent samples is compared with A = ∫ f |cos θo| dωo by quadrature
@@ -46,6 +47,8 @@ use wavelume_formats::projection::DirectionDomain;
 
 /// Number of incoming directions, unless the second argument states another.
 const INCIDENCES: usize = 24;
+/// Number of wavelengths of the glosses, unless the third argument states another.
+const BANDS: usize = 75;
 const LARGEST_THETA: f64 = 85.0;
 /// Largest incidence angle in degrees at which variances are compared.
 const VARIANCE_THETA: f64 = 77.0;
@@ -84,9 +87,11 @@ fn main() -> ExitCode {
 /// Prints the tables with `count` samples per incoming direction; returns true if all checks pass.
 pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let count: usize = count.map_or(Ok(100_000), str::parse)?;
-    let directions: usize = std::env::args().nth(2).map_or(Ok(INCIDENCES), |text| text.parse())?;
-    if directions < 2 {
-        return Err(format!("found {directions} incoming directions, expected at least 2").into());
+    let number = |k: usize, usual: usize| std::env::args().nth(k).map_or(Ok(usual), |text| text.parse());
+    let (directions, bands, apart) = (number(2, INCIDENCES)?, number(3, BANDS)?, number(4, 1)?);
+    if directions < 2 || bands < 2 || apart == 0 {
+        let found = format!("{directions} incoming directions, {bands} wavelengths, one in {apart} materials");
+        return Err(format!("found {found}; expected at least 2, 2 and 1").into());
     }
     let mut holds = true;
     writeln!(
@@ -99,8 +104,8 @@ pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box
         "  {:<18}{:>8}{:>5}{:>7}{:>10}{:>8}{:>10}{:>8}{:>6}",
         "", "chi²", "of", "z", "off", "weight", "variance", "floor", "ns"
     )?;
-    for (name, material) in scattering()? {
-        let row = Row::of(&material, directions, count)?;
+    for (name, make) in scattering(bands).into_iter().step_by(apart) {
+        let row = Row::of(&make()?, directions, count)?;
         holds &= row.holds();
         writeln!(
             out,
@@ -116,7 +121,7 @@ pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box
         )?;
         out.flush()?;
     }
-    for (name, document) in WITHOUT_COSINE {
+    for (name, document) in WITHOUT_COSINE.into_iter().step_by(apart) {
         let material = Material::open(&common::material(None, document)?)?;
         let floor = floor(&material, count)?;
         let is_enough = floor >= LEAST_FLOOR;
@@ -391,28 +396,30 @@ fn nanoseconds(material: &Material) -> Result<f64, Box<dyn Error>> {
     Ok(1e9 * best / BATCH as f64)
 }
 
-/// Returns materials with a cosine factor: BRDFs, BTDFs and a BSDF.
-fn scattering() -> Result<Vec<(&'static str, Material)>, Box<dyn Error>> {
-    let mut materials = Vec::new();
-    let mut add = |name, document: &str| -> Result<(), Box<dyn Error>> {
-        materials.push((name, Material::open(&common::material(None, document)?)?));
-        Ok(())
+/// Makes a material.
+type Make = Box<dyn FnOnce() -> Result<Material, Box<dyn Error>>>;
+
+fn virtual_material(document: String) -> Make {
+    Box::new(move || Ok(Material::open(&common::material(None, &document)?)?))
+}
+
+/// Returns materials with a cosine factor, each to be made when its turn comes: BRDFs, BTDFs and a BSDF; glosses have
+/// this many wavelengths.
+fn scattering(bands: usize) -> Vec<(&'static str, Make)> {
+    let mut materials: Vec<(&str, Make)> =
+        VIRTUAL.map(|(name, document)| (name, virtual_material(document.to_owned()))).into();
+    let paint = || {
+        let paint = Input { bytes: PAINT, spectrum: None, interpretation: &Interpretation::default() };
+        // The quadrature is over triangles.
+        let request = Request { domain: Some(DirectionDomain::Triangles), ..Request::to(Target::ErL2(0.05)) };
+        Ok(Material::open(&pipeline::compress(&pipeline::read(&paint)?, &request, &Silent)?.bytes)?)
     };
-    for &(name, document) in &VIRTUAL[if std::env::var("TRACE").is_ok() { 4 } else { 0 }..] {
-        add(name, document)?;
-    }
-    let paint = Input { bytes: PAINT, spectrum: None, interpretation: &Interpretation::default() };
-    // The quadrature is over triangles.
-    let request = Request { domain: Some(DirectionDomain::Triangles), ..Request::to(Target::ErL2(0.05)) };
-    let paint = pipeline::compress(&pipeline::read(&paint)?, &request, &Silent)?;
-    materials.push(("blue car paint", Material::open(&paint.bytes)?));
-    let mut add = |name, document: &str| -> Result<(), Box<dyn Error>> {
-        materials.push((name, Material::open(&common::material(None, document)?)?));
-        Ok(())
-    };
+    materials.push(("blue car paint", Box::new(paint)));
+    let mut add = |name, document: String| materials.push((name, virtual_material(document)));
+    let step = 370.0 / (bands - 1) as f64;
     let gloss = |alpha: &str, frame: &str, axes: &str| {
         format!(
-            r#"{{"wavelume": "virtual", "quantity": "brdf", "axes": [{axes}, "lambda:380:5:75"], "model": {{"sum": [
+            r#"{{"wavelume": "virtual", "quantity": "brdf", "axes": [{axes}, "lambda:380:{step}:{bands}"], "model": {{"sum": [
                 {{"lobe": {{"lambert": {{"reflectance": "red"}}}}}},
                 {{"lobe": {{"ggx": {{"alpha": {alpha}, "fresnel": {{"cauchy": {{"a": 1.46, "b": 0.0085}}}}{frame}}}}}}}]}}}}"#
         )
@@ -421,19 +428,19 @@ fn scattering() -> Result<Vec<(&'static str, Material)>, Box<dyn Error>> {
         let values: Vec<String> = (0..90).step_by(step).chain([88]).map(|theta| theta.to_string()).collect();
         format!(r#"{{"kind": "elevation", "values": [{}]}}, "hemi:5""#, values.join(","))
     };
-    add("GGX 0.3", &gloss(r#"{"isotropic": 0.3}"#, "", &elevations(10)))?;
-    add("GGX 0.15", &gloss(r#"{"isotropic": 0.15}"#, "", &elevations(5)))?;
-    add("GGX 0.5/0.3", &gloss(r#"{"anisotropic": [0.5, 0.3]}"#, "", r#""hemi:3", "hemi:4""#))?;
+    add("GGX 0.3", gloss(r#"{"isotropic": 0.3}"#, "", &elevations(10)));
+    add("GGX 0.15", gloss(r#"{"isotropic": 0.15}"#, "", &elevations(5)));
+    add("GGX 0.5/0.3", gloss(r#"{"anisotropic": [0.5, 0.3]}"#, "", r#""hemi:3", "hemi:4""#));
     let turned = r#", "frame": {"turn": 23, "tilt": 0, "toward": 0}"#;
-    add("GGX 0.2/0.4 turned", &gloss(r#"{"anisotropic": [0.2, 0.4]}"#, turned, r#""hemi:2", "hemi:4""#))?;
+    add("GGX 0.2/0.4 turned", gloss(r#"{"anisotropic": [0.2, 0.4]}"#, turned, r#""hemi:2", "hemi:4""#));
     let tilted = r#", "frame": {"turn": 70, "tilt": 6, "toward": 110}"#;
-    add("GGX 0.3/0.1 tilted", &gloss(r#"{"anisotropic": [0.3, 0.1]}"#, tilted, r#""hemi:3", "hemi:4""#))?;
+    add("GGX 0.3/0.1 tilted", gloss(r#"{"anisotropic": [0.3, 0.1]}"#, tilted, r#""hemi:3", "hemi:4""#));
     let sheet = r#"{"wavelume": "virtual", "quantity": "btdf", "axes": ["hemi:1", "lower:3", "lambda:400:50:7"],
         "model": {"lambert_transmission": {"transmittance": 0.6}}}"#;
-    add("diffuse sheet", sheet)?;
-    materials.push(("rough slab", Material::of(slab(Quantity::Btdf, Domain::Lower)?)?));
-    materials.push(("slab, both sides", Material::of(slab(Quantity::Bsdf, Domain::Sphere)?)?));
-    Ok(materials)
+    add("diffuse sheet", sheet.to_owned());
+    materials.push(("rough slab", Box::new(|| Ok(Material::of(slab(Quantity::Btdf, Domain::Lower)?)?))));
+    materials.push(("slab, both sides", Box::new(|| Ok(Material::of(slab(Quantity::Bsdf, Domain::Sphere)?)?))));
+    materials
 }
 
 /// Returns a slab that transmits light around its direction and, over both sides, also reflects a gloss.

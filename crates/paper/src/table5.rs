@@ -74,6 +74,7 @@ mod tests {
     use crate::domain::Silent;
 
     #[test]
+    #[ignore = "takes half a minute and more: tests/nightly paper"]
     fn adaptive_thresholds_gain_more_where_levels_differ_more() {
         let table = make(&Silent).unwrap();
         print!("{}", table.text());

@@ -94,6 +94,7 @@ mod tests {
     use crate::domain::Silent;
 
     #[test]
+    #[ignore = "takes half a minute and more: tests/nightly paper"]
     fn the_figures_wanted_are_reached() {
         let table = make(&Silent).unwrap();
         print!("{}", table.text());

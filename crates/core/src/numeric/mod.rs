@@ -5,6 +5,8 @@
 
 pub(crate) mod arctangent;
 pub mod bracket;
+#[cfg(test)]
+pub(crate) mod cases;
 pub mod cholesky;
 pub(crate) mod dense;
 #[cfg(test)]

@@ -6,6 +6,7 @@ use super::line::LinePlan;
 use super::rows::{Pass, for_rows};
 use super::{AxisTransform, Boundary, LineBasis, Plan, lines};
 use crate::domain::Axis;
+use crate::numeric::cases::one_in;
 use rayon::prelude::*;
 
 /// Returns the tolerance that the number of published digits of a filter table allows.
@@ -194,6 +195,7 @@ fn every_basis_rule_and_length_is_inverted_exactly() {
             })
         })
         .collect();
+    let cases: Vec<_> = one_in(3, 0, cases).collect();
     cases.into_par_iter().for_each(|(basis, boundary, n)| check(basis, boundary, n));
 }
 
