@@ -106,13 +106,14 @@ class Service:
     def done(self):
         """Returns the numbers of uploads, of repeated and refused ones, and of queued jobs.
 
-        An upload that a kill cut off (400) is none of these.
+        An upload that a kill cut off (400) is none of these; each kill cuts off one at most.
         """
         count = collections.Counter()
         for event in self.events():
             if event["message"] == "request answered" and (event["method"], event["path"]) == ("POST", "/v1/measurements"):
                 count[{201: "uploaded", 200: "uploaded again", 400: "cut off"}.get(event["status"], "refused")] += 1
             count["queued"] += event["message"] == "job queued"
+        check(count["cut off"] <= KILLS, f"uploads cut off: {count['cut off']}")
         return tuple(count[what] for what in ("uploaded", "uploaded again", "refused", "queued"))
 
 

@@ -7,11 +7,11 @@ them.
 Each surface is averaged over the 16,384 triangles of level 6, at eight incidences as in the RGL database or at steps of
 10 degrees, compressed to er(L2) 0.2 %, and evaluated between these incidences: near the mirror direction (within 20
 degrees, no further than 80 degrees from the normal) and over all directions to 80 degrees. The picture docs/between.svg
-is compared with what comes out. --all takes all surfaces at both, not five; --measured puts Mitsuba's `measured` beside
-them, on a file with the values of the surface itself at the same incidences; OTHER is a program of another version,
-whose errors are stated, too, and over all directions are not to be exceeded by a tenth; --draw draws the picture again
-and does nothing else. Needs numpy and mitsuba. Exit code 0 if everything is within its bound and the picture is up to
-date, 1 if not.
+is compared with what comes out. --all takes all surfaces at both, not three; --measured puts Mitsuba's `measured`
+beside them, on a file with the values of the surface itself at the same incidences; OTHER is a program of another
+version, whose errors are stated, too, and over all directions are not to be exceeded by a tenth; --draw draws the
+picture again and does nothing else. Needs numpy and mitsuba. Exit code 0 if everything is within its bound and the
+picture is up to date, 1 if not.
 """
 import json
 import os

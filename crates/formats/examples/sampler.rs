@@ -403,8 +403,8 @@ fn virtual_material(document: String) -> Make {
     Box::new(move || Ok(Material::open(&common::material(None, &document)?)?))
 }
 
-/// Returns materials with a cosine factor, each to be made when its turn comes: BRDFs, BTDFs and a BSDF; glosses have
-/// this many wavelengths.
+/// Returns BRDFs, BTDFs and a BSDF, each to be made when its turn comes. Glosses have `bands` wavelengths from 380 to
+/// 750 nm.
 fn scattering(bands: usize) -> Vec<(&'static str, Make)> {
     let mut materials: Vec<(&str, Make)> =
         VIRTUAL.map(|(name, document)| (name, virtual_material(document.to_owned()))).into();
