@@ -187,7 +187,7 @@ async fn rolls(site: &Site) {
     assert_eq!(PROGRAM.scope(NEXT, Archive::migrate(site, false)).await.unwrap(), 2);
     let next_archive = PROGRAM.scope(NEXT, Archive::serve(site)).await.unwrap();
     let rows = testing::count(&next_archive.catalog, "jobs WHERE note IS NULL").await;
-    assert!(rows >= 4, "{rows} rows have the new column");
+    assert!(rows >= 2, "{rows} rows have the new column");
     load.goes_on(&client, 3).await;
 
     // Nodes next; an old worker leaves a newer job alone, however urgent it is.

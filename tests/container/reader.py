@@ -294,6 +294,7 @@ class Axis:
 
 
 FRAMES = ["surface", "type C", "type B", "type A"]
+SECTOR = 2
 EXTENTS = [(-720, 720)] * 3 + [(0, 180), (90, 270), (0, 90)]
 
 
@@ -555,6 +556,26 @@ def announced(h):
 # ---------------------------------------------------------------------------------------------------------------------
 # Between incidences
 
+# The polynomial of section 17, and ln 2 in two parts.
+LOGARITHM = [7.0376836e-2, -1.151461e-1, 1.1676999e-1, -1.2420141e-1, 1.4249323e-1, -1.6668058e-1, 2.0000715e-1]
+LOGARITHM = [F(c) for c in LOGARITHM + [-2.4999994e-1, 3.333333e-1]]
+LN_2_HIGH, LN_2_LOW = F(0.6933594), F(-2.1219444e-4)
+
+
+def logarithm(x):
+    """ln of positive normal f32, in f32 steps; see section 17."""
+    bits = x.view(np.uint32)
+    m = (bits & 0x007FFFFF | 0x3F000000).astype(np.uint32).view(F)
+    low = m < F(0.70710677)
+    e = ((bits >> 23).astype(np.int32) - 126 - low).astype(F)
+    r = np.where(low, m + m - F(1), m - F(1)).astype(F)
+    rr, p = r * r, np.full(r.shape, LOGARITHM[0])
+    for c in LOGARITHM[1:]:
+        p = p * r + c
+    tail = p * r * rr + e * LN_2_LOW - F(0.5) * rr
+    return (r + tail) + e * LN_2_HIGH
+
+
 DIVISORS = ["nothing", "the cosines", "projected areas", "masking", "a microfacet model"]
 NUMBERS = [("roughness", 2.0**-10, 4), ("reflectance", 2.0**-13, 1), ("base", 0, 2**20)]
 
@@ -579,6 +600,29 @@ class Between:
         directions = [axis.kind for axis in h.axes if axis.kind in ("triangles", "elevation", "grid")]
         require(len(directions) == 2, "incidences that are none")
         require(not self.divisor and not self.retro or h.quantity == 3, "a divisor of what is no BRDF")
+
+    def logarithms(self, incoming, outgoing):
+        """ln V for all pairs of directions as f32, in the steps of section 17."""
+        (ix, iy, iz), (ox, oy, oz) = np.array(incoming).astype(F).T[:, :, None], np.array(outgoing).astype(F).T[:, None]
+        one, least = F(1), F(1e-3)
+        ci, co = np.maximum(np.abs(iz), least), np.maximum(np.abs(oz), least)
+        aa = F(self.numbers[0]) * F(self.numbers[0]) if self.numbers else F(0)
+        r = lambda c: np.sqrt(c * c + aa * (one - c * c))
+        if self.divisor == 1:
+            return logarithm(one / (ci + co))
+        if self.divisor == 2:
+            return logarithm(one / ((ci + r(ci)) * (co + r(co))))
+        masking = co * r(ci) + ci * r(co)
+        if self.divisor == 3:
+            return logarithm(one / masking)
+        x, y, z = ix + ox, iy + oy, iz + oz
+        across = x * x + y * y
+        s = np.maximum(across + z * z, F(1e-12))
+        spread = (across + aa * z * z) / s
+        away = np.maximum(one - F(0.5) * np.sqrt(s), F(0))
+        reflectance, base = map(F, self.numbers[1:])
+        fresnel = reflectance + (one - reflectance) * ((away * away) * (away * away) * away)
+        return logarithm(base + fresnel * aa / (spread * spread * masking))
 
     def value(self, wi, wo):
         """V for unit vectors above the horizon, f64; see section 17."""
@@ -2501,6 +2545,23 @@ def coarse_lines(shape, kept, left_out):
     return lines
 
 
+def coarse_directions(shape, lines):
+    """Incoming and outgoing directions of a level, in the order of its rows."""
+    parts = []
+    for (frame, only), span in zip(shape.frames, (slice(0, shape.first), slice(shape.first, None))):
+        own, stated = lines[span], shape.lines[span]
+        azimuths = [only]
+        if len(own) > 1:
+            count, azimuths, _, halvings = own[1]
+            if halvings and count == 1:
+                azimuths = [0.0]
+            elif halvings and stated[1].extent == SECTOR:
+                # Nothing is known outside a sector, whose ends stay where they are.
+                azimuths = stated[1].angles[:1] + azimuths[1:-1] + stated[1].angles[-1:]
+        parts.append([direction(frame, polar, azimuth) for polar in own[0][1] for azimuth in azimuths])
+    return parts
+
+
 def coarse_model(model, weights, kept, left_out):
     """The model's planes at the nodes of a level: means by weight of the leaves that they merge."""
     nodes, count = [0], 1
@@ -2523,7 +2584,7 @@ def coarse_model(model, weights, kept, left_out):
     return np.array([planes])
 
 
-def coarse_samples(h, classes, shape, kept, lines, first, values, bound):
+def coarse_samples(h, classes, shape, kept, lines, first, values, bound, divided):
     """Samples of a level from the values of its nodes."""
     rows = [0]
     for i, (count, _, entries, _) in enumerate(lines):
@@ -2532,7 +2593,11 @@ def coarse_samples(h, classes, shape, kept, lines, first, values, bound):
         rows = [row * count + (0 if row % before in poles else entry) for row in rows for entry in entries]
     nodes = math.prod(line[0] for line in lines)
     rows = [block * nodes + row for block in range(shape.blocks) for row in rows]
-    samples = finish(h, values[rows].reshape(-1)).reshape(len(rows), shape.length)
+    values = values[rows]
+    if divided is not None:
+        divisors = divided.logarithms(*coarse_directions(shape, lines)).reshape(-1, 1)
+        values = values + np.tile(divisors, (shape.blocks, 1))
+    samples = finish(h, values.reshape(-1)).reshape(len(rows), shape.length)
     if classes is not None:
         merged = list(range(shape.blocks))
         for (count, _, _, halvings), own in zip(lines, kept):
@@ -2550,13 +2615,16 @@ def coarse_samples(h, classes, shape, kept, lines, first, values, bound):
     return samples.reshape(-1)
 
 
-def decode_grid(h, classes, basis, r, level=None):
+def decode_grid(h, classes, basis, r, between, level=None):
     shape = h.grid
     require(basis is None or shape.length > 1, "a basis chunk without a last axis behind the directions")
     basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step, gridded=True)
     start, form = r.at, r.unsigned(1)
     kind, weighs = form >> 4 & 3, form & 64
-    require(kind < 3 and form < 128 and form & 9 != 9 and form & 66 != 66 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
+    require(kind < 3 and form & 9 != 9 and form & 66 != 66 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
+    divided = between if form & 128 else None
+    require(not form & 128 or divided is not None and divided.divisor > 0, "samples divided by a function that is not stated")
+    require(not form & 128 or shape.first > 0 and not h.flags & LINEAR, "samples divided that have no incoming angles or logarithms")
     random, has_bound, learns = form & 1, form & 2, not form & 4
     r.note(start, f"form of the grid chunk {form}")
     bound = h.negative_bound = F(r.number("f")) if has_bound else None
@@ -2626,8 +2694,16 @@ def decode_grid(h, classes, basis, r, level=None):
         values = basis.synthesise(planes)
     if level is not None:
         lines = coarse_lines(shape, kept, order[:left_out])
-        return coarse_samples(h, classes, shape, kept, lines, first, values, bound)
-    logs = values[rows].reshape(-1)
+        return coarse_samples(h, classes, shape, kept, lines, first, values, bound, divided)
+    values = values[rows]
+    if divided is not None:
+        halves = shape.lines[: shape.first], shape.lines[shape.first :]
+        directions = [
+            [direction(frame, polar, azimuth) for polar in own[0].angles for azimuth in (own[1].angles if len(own) > 1 else [only])]
+            for (frame, only), own in zip(shape.frames, halves)
+        ]
+        values = values + np.tile(divided.logarithms(*directions).reshape(-1, 1), (shape.blocks, 1))
+    logs = values.reshape(-1)
     if bound is not None and classes is not None:
         logs = np.where(classes == NEGATIVE, np.minimum(logs, bound), logs).astype(F)
     return logs
@@ -2740,7 +2816,7 @@ class Material:
             self.coded_at = r.at
             logs, self.shape, self.plan = predicted_logs(h, classes, self.chunks.get("B"), r, MAX_LEVEL + 1)
         elif h.flags & GRIDDED:
-            logs = decode_grid(h, classes, self.chunks.get("B"), self.chunks["G"])
+            logs = decode_grid(h, classes, self.chunks.get("B"), self.chunks["G"], self.between)
         else:
             axes, live, basis = h.axes, classes, None
             if h.flags & KLT:
@@ -2787,7 +2863,7 @@ class Material:
     def decode_level(self, h, level):
         if h.flags & LEVELS:
             require("G" in self.chunks, "no levels")
-            return decode_grid(h, self.classes, self.chunks.get("B"), self.chunks["G"], level)
+            return decode_grid(h, self.classes, self.chunks.get("B"), self.chunks["G"], self.between, level)
         require(h.flags & PREDICTED and "P" in self.chunks, "no levels")
         r = self.chunks["P"]
         mesh = Shape(h.axes).mesh

@@ -27,7 +27,7 @@ SIZE = 64
 # Places along a side of a pixel here, samples of a pixel there.
 PLACES, SAMPLES = 4, 16
 TOLERANCE = 0.005
-BANDS = [450.0, 550.0, 650.0]
+BANDS = [450.0, 650.0]
 # Width of a band in nm: spectra have kinks at their samples, which a wide band would average.
 WIDTH = 0.1
 LIGHTS = np.array([[0.3, 0.4, 1.0], [-0.8, 0.1, 0.5], [0.2, -0.7, 0.6]])

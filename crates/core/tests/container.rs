@@ -102,6 +102,18 @@ fn narrow(axes: &[Axis], at: &[usize], [along_x, along_y]: [f64; 2]) -> f64 {
     0.3 * colour + 4.0 / ((1.0 + slope) * (1.0 + slope))
 }
 
+/// Returns a coloured ground under microfacets of the given roughness.
+fn polished(axes: &[Axis], at: &[usize], roughness: f64) -> f64 {
+    let (wi, wo) = (direction(&axes[0], at[0]), direction(&axes[1], at[1]));
+    let (h, square) = (half(wi, wo), roughness * roughness);
+    let root = |c: f64| (c * c + square * (1.0 - c * c)).sqrt();
+    let masking = wo[2] * root(wi[2]) + wi[2] * root(wo[2]);
+    let spread = h[0] * h[0] + h[1] * h[1] + square * h[2] * h[2];
+    let fresnel = 0.04 + 0.96 * (1.0 - dot(wi, h)).powi(5);
+    let colour = at.get(2).map_or(1.0, |&k| 0.5 + 0.2 * k as f64);
+    0.25 * colour + fresnel * square / (spread * spread * masking)
+}
+
 fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target) -> Golden {
     let measurement = Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap();
     let basis = "auto".to_owned();
@@ -153,6 +165,8 @@ fn all() -> Vec<Golden> {
         varnish(),
         brushed(),
         lacquer(),
+        enamel(),
+        glaze(),
         nacre(),
         silk(),
         reflector(),
@@ -479,6 +493,40 @@ fn lacquer() -> Golden {
     let mut golden = golden("lacquer", Quantity::Brdf, data, Target::ErL2(0.01));
     let divisor = Divisor::Model { roughness: 0.3, reflectance: 0.04, base: 0.25 };
     golden.settings.between = Between { divisor, cubic: true, retro: false };
+    golden
+}
+
+/// Grid in chunk G with samples divided by the model of the interpolation between incidences, masks, a coarser level.
+fn enamel() -> Golden {
+    let azimuths = Azimuths { angles: (0..13).map(|i| 15.0 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
+    let polar = (0..9).map(|i| 10.0 * f64::from(i)).collect();
+    let grid = DirectionGrid::new(Frame::Surface, polar, Some(azimuths)).unwrap();
+    let axes = vec![Axis::Elevation(vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0]), Axis::Grid(grid), wavelengths(4)];
+    let data = tensor(axes.clone(), |i, at| match i % 301 {
+        0 => f64::NAN,
+        _ => polished(&axes, at, 0.1) * (1.0 + 0.03 * noise(i)),
+    });
+    let mut golden = golden("enamel", Quantity::Brdf, data, Target::ErL2(0.005));
+    let divisor = Divisor::Model { roughness: 0.1, reflectance: 0.04, base: 0.25 };
+    golden.settings.between = Between { divisor, cubic: true, retro: false };
+    golden
+}
+
+/// Grids in chunk G with samples divided by a model, and a separate stream per incoming direction.
+fn glaze() -> Golden {
+    let circle = |step: f64, count: usize| {
+        let angles = (0..count).map(|i| step * i as f64).collect();
+        Some(Azimuths { angles, extent: AzimuthExtent::Circle })
+    };
+    let incoming = DirectionGrid::new(Frame::Surface, vec![0.0, 35.0, 55.0, 75.0], circle(90.0, 4)).unwrap();
+    let outgoing =
+        DirectionGrid::new(Frame::Surface, (0..9).map(|i| 10.0 * f64::from(i)).collect(), circle(30.0, 12)).unwrap();
+    let axes = vec![Axis::Grid(incoming), Axis::Grid(outgoing)];
+    let data = tensor(axes.clone(), |i, at| polished(&axes, at, 0.3) * (1.0 + 0.002 * noise(i)));
+    let mut golden = golden("glaze", Quantity::Brdf, data, Target::ErL2(0.005));
+    let divisor = Divisor::Model { roughness: 0.3, reflectance: 0.04, base: 0.1 };
+    golden.settings.between = Between { divisor, cubic: false, retro: false };
+    golden.settings.random_access = true;
     golden
 }
 

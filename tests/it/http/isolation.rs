@@ -63,7 +63,10 @@ async fn materials_and_reports_are_the_same_in_a_process_of_their_own() {
             ("?quantity=reflectance".to_owned(), CHECKER, "reflectance"),
         ] {
             let id = service.upload(&query, bytes).await["id"].clone();
-            let request = json!({ "measurement": id, "quantity": quantity, "target": { "er_l2": 0.02 } });
+            let mut request = json!({ "measurement": id, "quantity": quantity, "target": { "er_l2": 0.02 } });
+            if !query.is_empty() && quantity == "edf" {
+                request["wavelengths"] = json!("400:700:50");
+            }
             let job = service.compress(&request).await;
             let path = format!("/v1/materials/{}", job["material"].as_str().unwrap_or_else(|| panic!("{job}")));
             let mut material = get(&service.base, &path).await;

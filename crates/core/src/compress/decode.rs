@@ -123,9 +123,8 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
         let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
         let classes = classes_of(&header, payload);
         let chunks = (payload(ChunkKind::Basis), chunk.payload);
-        let (step, at) = ((header.step, header.linear), (chunk.length, usize::from(level)));
-        let (mut axes, samples) =
-            gridded::decode_level(&header.axes, classes.as_deref(), step, chunks, at, header.values())?;
+        let (around, at) = (header.around_grid(classes.as_deref()), (chunk.length, usize::from(level)));
+        let (mut axes, samples) = gridded::decode_level(around, chunks, at, header.values())?;
         let mut metadata = None;
         if is_whole(metadata_kind(&header.axes)) {
             let (text, labelled) = metadata_of(&header, &container)?;
@@ -216,8 +215,8 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
             Some(coded) => {
                 let classes = classes_of(&header, payload);
                 let chunks = (payload(ChunkKind::Basis), coded);
-                let fineness = (header.step, header.linear);
-                let mut samples = gridded::decode_block(&header.axes, classes.as_deref(), fineness, chunks, block)?;
+                let around = header.around_grid(classes.as_deref());
+                let mut samples = gridded::decode_block(around, chunks, block)?;
                 let own = classes.as_deref().map(|classes| &classes[own]);
                 if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
                     let how = Correcting::new(header.light_step, own, gridded::negative_bound(coded)?);
@@ -366,8 +365,7 @@ pub(crate) fn samples_behind<'a>(
                     let reason = "a grid chunk and a header that differ on coarser levels".to_owned();
                     return Err(CodecError::Malformed { at: 0, reason });
                 }
-                let fineness = (header.step, header.linear);
-                gridded::decode(&header.axes, classes.as_deref(), fineness, chunks, finish)?
+                gridded::decode(header.around_grid(classes.as_deref()), chunks, finish)?
             } else if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
                 adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?

@@ -94,6 +94,51 @@ fn modelled() -> Vec<(Measurement, u8)> {
     ]
 }
 
+/// Test BRDFs that are a microfacet model but for a colour and some noise, with an interpolation that states the model.
+/// In the last one incoming directions share samples that the model has at only one of them.
+fn polished() -> Vec<(Measurement, Between)> {
+    let between = |roughness| {
+        let divisor = Divisor::Model { roughness, reflectance: 0.05, base: 0.125 }.stated();
+        Between { divisor, cubic: true, retro: false }
+    };
+    let polar = || every(7.5, 12);
+    let half = Some((every(15.0, 13), AzimuthExtent::Mirrored));
+    let circle = |count: usize| Some((every(360.0 / count as f64, count), AzimuthExtent::Circle));
+    let closed = Some((every(30.0, 13), AzimuthExtent::Closed));
+    let incoming = grid(Frame::Surface, vec![0.0, 35.0, 60.0], circle(4));
+    let elevations = Axis::Elevation(every(15.0, 6));
+    let cases = [
+        (vec![elevations.clone(), grid(Frame::Surface, polar(), half.clone()), wavelengths(4)], 0.125),
+        (vec![incoming, grid(Frame::Surface, every(10.0, 9), closed)], 0.25),
+        (vec![index(2), elevations.clone(), grid(Frame::Surface, polar(), half)], 0.125),
+        (vec![elevations, grid(Frame::Surface, polar(), circle(24))], 0.125),
+    ];
+    let cases = cases.into_iter().enumerate().map(|(case, (axes, roughness))| {
+        let [from, to] =
+            [1, 0].map(|before| &axes[axes.len() - 1 - before - usize::from(axes.len() == 3 && case == 0)]);
+        let direction = |axis: &Axis, i: usize| match axis {
+            Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),
+            Axis::Grid(grid) => grid.direction(i).xyz(),
+            _ => unreachable!("no directions"),
+        };
+        let divided = Divided::by(between(roughness).divisor);
+        let lambdas = if case == 0 { 4 } else { 1 };
+        let sample = |flat: usize| {
+            let pair = flat / lambdas % (from.len() * to.len());
+            let incoming = if case == 3 { pair / to.len() & !1 } else { pair / to.len() };
+            let [wi, wo] = [direction(from, incoming), direction(to, pair % to.len())].map(|d| d.map(|x| x as f32));
+            let noise = 0.002 * libm::sin(1e3 * pair as f64 * pair as f64);
+            let colour = 1.0 + 0.1 * (flat % lambdas) as f64 + noise;
+            (libm::exp(f64::from(divided.one(wi, wo))) * colour) as f32
+        };
+        let samples = (0..axes.iter().map(Axis::len).product()).map(sample).collect();
+        let tensor = Tensor::new(axes.clone(), samples).unwrap();
+        let m = Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Point, tensor).unwrap();
+        (m, between(roughness))
+    });
+    cases.collect()
+}
+
 fn materials() -> Vec<Measurement> {
     let circle = |count: usize| Some((every(360.0 / count as f64, count), AzimuthExtent::Circle));
     let half = |count: usize| Some((every(180.0 / (count - 1) as f64, count), AzimuthExtent::Mirrored));
@@ -248,17 +293,70 @@ fn lobes_are_coded_behind_a_model_whole_by_entry_and_by_level() {
     }
 }
 
+/// Bit of the first byte of a grid chunk that says that samples are divided by the function of chunk V.
+const DIVIDED: u8 = 128;
+
+fn chunk_of(file: &Compressed, kind: ChunkKind) -> Vec<u8> {
+    let (_, container) = super::decode::open(&file.bytes).unwrap();
+    container.get(kind).unwrap().payload.to_vec()
+}
+
+#[test]
+fn what_the_function_between_incidences_has_is_not_coded_again() {
+    for (case, (m, between)) in polished().into_iter().enumerate() {
+        for (m, random_access) in [(m.clone(), false), (m.clone(), true), (hurt(m), false)] {
+            let plain = Settings { random_access, ..settings(Target::ErL2(0.005), Policy::Rd) };
+            let file = check(&m, &Settings { between, ..plain.clone() });
+            assert!(file.summary.errors.er_l2 <= 0.005);
+            assert_ne!(chunk_of(&file, ChunkKind::Grid)[0] & DIVIDED, 0, "{case} {random_access}");
+            let without = check(&m, &plain);
+            assert_eq!(chunk_of(&without, ChunkKind::Grid)[0] & DIVIDED, 0);
+            let (bytes, before) = (file.bytes.len(), without.bytes.len());
+            assert!(case == 3 || 4 * bytes < 3 * before, "{case} {random_access} {bytes} {before}");
+            let whole = decode(&file.bytes).unwrap().measurement.tensor.into_samples();
+            let at = m.tensor.axes().iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
+            let own = m.tensor.axes()[at..].iter().map(Axis::len).product();
+            for (entry, whole) in whole.chunks_exact(own).enumerate() {
+                let block = decode_block(&file.bytes, entry).unwrap();
+                let same = block.tensor.samples().iter().zip(whole);
+                assert!(same.clone().all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()), "{entry}");
+            }
+            for level in levels(&file.bytes).unwrap() {
+                let coarse = decode_level(&file.bytes, level.level).unwrap().measurement;
+                assert!(coarse.tensor.samples().iter().all(|sample| !sample.is_infinite()));
+            }
+        }
+    }
+}
+
+#[test]
+fn samples_divided_by_a_function_that_no_chunk_states_are_refused() {
+    let (m, between) = polished().swap_remove(0);
+    let file = compress(&m, &Settings { between, ..settings(Target::ErL2(0.01), Policy::Rd) }, &Silent).unwrap();
+    let kinds = [ChunkKind::Header, ChunkKind::Between, ChunkKind::Grid];
+    let mut chunks: Vec<(ChunkKind, Vec<u8>)> = kinds.map(|kind| (kind, chunk_of(&file, kind))).to_vec();
+    assert!(decode(&write_container(&chunks)).is_ok());
+    // Cubics without a divisor.
+    chunks[1].1 = vec![8];
+    let refused = decode(&write_container(&chunks)).unwrap_err().to_string();
+    assert!(refused.contains("divides its samples by a function"), "{refused}");
+}
+
 #[test]
 fn any_grid_chunk_decodes_or_is_refused() {
-    let (all, modelled) = (materials(), modelled());
-    let some = [(&all[0], false), (&all[3], true), (&all[4], false), (&all[5], true)];
-    for (m, random_access) in some.into_iter().chain([(&modelled[0].0, false), (&modelled[1].0, true)]) {
-        let m = hurt(m.clone());
-        let settings = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };
+    let (all, modelled, polished) = (materials(), modelled(), polished());
+    let of = |m: &Measurement, random_access| (m.clone(), random_access, Between::default());
+    let mut some = vec![of(&all[0], false), of(&all[3], true), of(&all[4], false), of(&all[5], true)];
+    some.extend([of(&modelled[0].0, false), of(&modelled[1].0, true)]);
+    some.extend(polished.into_iter().take(2).zip([false, true]).map(|((m, between), random)| (m, random, between)));
+    for (m, random_access, between) in some {
+        let m = hurt(m);
+        let settings = Settings { random_access, between, ..settings(Target::ErL2(0.1), Policy::Rd) };
         let file = compress(&m, &settings, &Silent).unwrap();
         let (_, container) = super::decode::open(&file.bytes).unwrap();
         let kinds = [
             ChunkKind::Header,
+            ChunkKind::Between,
             ChunkKind::Classes,
             ChunkKind::WideClasses,
             ChunkKind::Basis,

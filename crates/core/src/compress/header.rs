@@ -34,17 +34,17 @@
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
-use super::between::Between;
+use super::between::{Between, Divisor};
 use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
-use super::rd::gridded::Shape as GridShape;
+use super::rd::gridded::{Around, Shape as GridShape};
 use super::settings::Settings;
 use super::spectral_basis::basis_of;
 use super::stated::{read_error, write_error};
 use super::summary::Summary;
 use super::transform_code::{read_transform, write_transform};
 use super::values::Values;
-use crate::codec::{Announced, ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
+use crate::codec::{Announced, ChunkKind, Class, CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Lobe, Measurement, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, Plan};
 
@@ -407,6 +407,12 @@ impl Header {
     /// Returns which value of each sample the file codes: the logarithm or the sample itself.
     pub(crate) fn values(&self) -> Values {
         if self.linear { Values::Samples { signed: self.errors.negative_samples > 0 } } else { Values::Logarithms }
+    }
+
+    /// Collects what the header and the chunks before it say about samples on a grid of angles.
+    pub(crate) fn around_grid<'a>(&'a self, classes: Option<&'a [Class]>) -> Around<'a> {
+        let divisor = self.between.map_or(Divisor::None, |between| between.divisor);
+        Around { axes: &self.axes, classes, step: self.step, is_linear: self.linear, divisor }
     }
 
     /// Subdivision level of the mesh of the last triangle axis, 0 without such an axis.

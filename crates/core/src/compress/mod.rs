@@ -11,6 +11,7 @@ mod between;
 mod classes;
 mod compressed;
 mod decode;
+mod divided;
 mod effort;
 mod error;
 mod exponential;
@@ -60,6 +61,7 @@ pub use decode::{
     Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, decode_numbers, inspect, levels,
     payload_digest,
 };
+pub(crate) use divided::Divided;
 pub use effort::Effort;
 pub use error::CompressError;
 pub(crate) use kept::Kept;

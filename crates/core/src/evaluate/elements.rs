@@ -5,9 +5,9 @@
 //! into patches of a regular lattice. Each patch carries a quadratic through its corners and the midpoints of its
 //! edges. Neighbouring patches share the nodes of their edge, also across octants, so that the function is continuous.
 
-use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
+use crate::numeric::number::Number;
 
 /// Least subdivision level of a triangle mesh at which interpolation patches (triangles with six nodes) are twice as
 /// wide as the mesh's triangles; at coarser levels both are equally wide. Raising it costs memory on fine meshes.

@@ -3,11 +3,11 @@
 pub(super) mod middles;
 
 use super::lookup::MeshLookup;
-use super::number::Number;
 use super::reconstruct::Cells;
 use crate::domain::Domain;
 use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
 use crate::numeric::bracket::Bracket;
+use crate::numeric::number::Number;
 use std::sync::Arc;
 use wide::f32x4;
 

@@ -67,7 +67,6 @@ mod lookup;
 mod material;
 mod mixed;
 mod mixture;
-mod number;
 pub mod physics;
 mod place;
 mod planes;

@@ -14,6 +14,7 @@ pub(crate) mod drawn;
 pub mod exponential;
 pub(crate) mod least_squares;
 pub(crate) mod logarithm;
+pub(crate) mod number;
 pub(crate) mod orthogonal;
 pub mod random;
 pub(crate) mod recursive;

@@ -72,12 +72,13 @@ impl<'a> Candidate<'a> {
                 let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
                 Box::new(layer?)
             }
-            Scheme::Gridded { shape, klt, learns, model, step } => {
+            Scheme::Gridded { shape, klt, learns, model, divisor, step } => {
                 let form = Form {
                     klt: *klt,
                     weighs_negative: plane.weighs_negative,
                     learns: *learns,
                     model: *model,
+                    divisor: *divisor,
                     is_linear: plane.values.is_linear(),
                     random: settings.random_access,
                     step: *step,

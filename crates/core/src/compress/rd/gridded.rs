@@ -2,8 +2,9 @@
 //! in closed loop.
 //!
 //! ```text
-//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m + 64 · w: f without least squares; n: f32 the largest logarithm
-//!              of a negative sample; l: coarser levels, as in `index`; m the kind of the model, 0 without one; then
+//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m + 64 · w + 128 · v: f without least squares; n: f32 the largest
+//!              logarithm of a negative sample; l: coarser levels, as in `index`; m the kind of the model, 0 without
+//!              one; v: samples are divided by the function of chunk V; then
 //!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the model's
 //!                     coefficients; the pyramid of what the model misses
 //!              s = 1: varint length, and the first three as a stream of their own; then the pyramid of every incoming
@@ -16,6 +17,7 @@
 
 mod coarser;
 mod decode;
+mod divided;
 mod index;
 mod lattice;
 mod model;
@@ -24,9 +26,10 @@ mod planes;
 mod quantised;
 
 pub(crate) use coarser::{decode_level, levels_of, with_errors, with_levels};
-pub(crate) use decode::{decode, decode_block, has_levels, is_random, negative_bound};
+pub(crate) use decode::{Around, decode, decode_block, has_levels, is_random, negative_bound};
 pub(crate) use lattice::Shape;
 
+use super::super::between::Divisor;
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::chart::ChartKind;
@@ -39,6 +42,7 @@ use super::streams::Streams;
 use crate::codec::{ChunkKind, Class, Encoder, Writer};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt};
+use divided::DividedRows;
 use model::GridModel;
 use planes::Planes;
 use quantised::{bound_negative, quantiser};
@@ -89,6 +93,8 @@ pub(super) struct Form {
     /// filters.
     pub(super) learns: bool,
     pub(super) model: Behind,
+    /// Function by which samples are divided before they are coded; [`Divisor::None`] to code them as they are.
+    pub(super) divisor: Divisor,
     /// Typical quantiser step of the values (natural logarithms or samples) at which the costs of coding are compared,
     /// to choose the order in which the angle axes are halved.
     pub(super) step: f64,
@@ -109,6 +115,7 @@ pub(crate) struct GridLayer<'a> {
     values: Vec<f32>,
     pyramids: Vec<PairPyramid>,
     model: Option<GridModel>,
+    divided: Option<DividedRows>,
     /// Beginning of the coded stream, equal for all quantiser steps: which angles repeat the samples of others, and the
     /// order in which the angle axes are halved.
     opening: Encoder,
@@ -130,17 +137,20 @@ impl<'a> GridLayer<'a> {
     ) -> Result<Self, SettingError> {
         let length = shape.length();
         let allowed = shape.models();
+        let divided = DividedRows::new(&shape, form.divisor);
+        // Copies of a direction come back equal only if they are divided by equal numbers, too.
+        let divisor = |at: usize| divided.as_ref().map_or(0.0, |divided| divided.of_row(at / length)).to_bits();
         let same = |a: usize, b: usize| {
             let [a, b] = [a, b].map(|at| {
                 let class = classes.map_or(Class::Positive, |classes| classes[at]);
                 let weighs = class == Class::Positive || form.weighs_negative && class == Class::Negative;
-                (class, if weighs { values[at].to_bits() } else { 0 })
+                (class, if weighs { values[at].to_bits() } else { 0 }, divisor(at))
             });
             a == b
         };
         let mut opening = Encoder::default();
         let planes = Planes::code(&mut opening, shape, (form.random, form.klt, form.weighs_negative), Some(&same));
-        let kept = planes.leaves_of(values);
+        let kept = planes.leaves_of(values, divided.as_ref());
         let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
         let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
         let typical: Vec<f32> = match &klt {
@@ -175,6 +185,7 @@ impl<'a> GridLayer<'a> {
             values: kept,
             pyramids,
             model: None,
+            divided,
             opening,
         };
         let (vectors, streams) = (typical.len() / layer.planes.leaves(), layer.planes.streams());
@@ -271,7 +282,8 @@ impl<'a> GridLayer<'a> {
         let flags = [self.form.random, self.negative_bound.is_some(), !self.form.learns];
         let flags = flags.iter().rev().fold(0, |form, &flag| form << 1 | u8::from(flag));
         let weighs = if self.form.weighs_negative { decode::WEIGHS_NEGATIVE } else { 0 };
-        w.u8(flags | GridModel::form(self.model.as_ref()) | weighs);
+        let divided = if self.divided.is_some() { decode::DIVIDED } else { 0 };
+        w.u8(flags | GridModel::form(self.model.as_ref()) | weighs | divided);
         if let Some(largest) = self.negative_bound {
             w.f32(largest);
         }
@@ -302,6 +314,9 @@ impl FirstLayer for GridLayer<'_> {
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
         let coded = self.coded(fineness);
         self.planes.synthesise(coded.basis.as_ref(), &coded.planes, logs);
+        if let Some(divided) = &self.divided {
+            divided.restore(logs);
+        }
         bound_negative(self.negative_bound, self.classes, logs);
     }
 

@@ -214,8 +214,7 @@ fn insert_in_grid(parts: &mut Parts) -> Result<(), CodecError> {
     let header = &parts.header;
     let classes = classes_of(header, |kind| parts.chunk(kind));
     let chunks = (parts.chunk(ChunkKind::Basis), parts.chunk(ChunkKind::Grid).unwrap_or_default());
-    let step = (header.step, header.linear);
-    let payload = gridded::with_levels(&header.axes, classes.as_deref(), step, chunks, header.values())?;
+    let payload = gridded::with_levels(header.around_grid(classes.as_deref()), chunks, header.values())?;
     if let Some(payload) = payload {
         for (_, old) in parts.chunks.iter_mut().filter(|(kind, _)| *kind == ChunkKind::Grid) {
             old.clone_from(&payload);

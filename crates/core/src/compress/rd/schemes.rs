@@ -1,5 +1,6 @@
 //! Schemes of the first layer, and the selection of those that compete for a measurement.
 
+use super::super::between::Divisor;
 use super::super::error::CompressError;
 use super::super::setting_error::SettingError;
 use super::super::settings::{AUTO_BASIS, Settings};
@@ -23,6 +24,9 @@ const MOST_INDICES: usize = 64;
 const MOST_CHANNELS: usize = 8;
 /// Largest number of direction pairs on grids of angles for which prediction by fixed filters alone is tried.
 const FEW_ROWS: usize = 20_000;
+/// Largest number of samples for which division by the function between incidences is tried: a second scheme takes as
+/// much time and memory again.
+const MOST_DIVIDED: usize = 1 << 20;
 /// Number of symmetries that map a hemisphere's triangle mesh to itself.
 const ALL_SYMMETRIES: usize = 8;
 
@@ -47,6 +51,9 @@ pub(super) enum Scheme {
         learns: bool,
         /// Scattering model that is subtracted before the residual is coded.
         model: Behind,
+        /// Function of the interpolation between incoming directions by which samples are divided before they are
+        /// coded; [`Divisor::None`] to code them as they are.
+        divisor: Divisor,
         /// Quantiser step expected for the target; the coder chooses the scattering model and the order in which it
         /// merges neighbouring angles as if values were quantised with it.
         step: f64,
@@ -60,6 +67,13 @@ impl Scheme {
             Self::Adaptive => SpectralBasis::Klt.name(),
             Self::Predicted(folded, None) if folded.is_trivial() => "predicted",
             Self::Predicted(_, None) => "predicted, folded",
+            Self::Gridded { klt, divisor, .. } if *divisor != Divisor::None => {
+                if *klt {
+                    "grid, klt, divided"
+                } else {
+                    "grid, divided"
+                }
+            }
             Self::Gridded { klt: true, learns: true, model, .. } => match model {
                 Behind::Model(ChartKind::Isotropic) => "grid, klt, isotropic model",
                 Behind::Model(_) => "grid, klt, anisotropic model",
@@ -138,15 +152,29 @@ fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plan
         4..=MOST_CHANNELS if !is_named => &[true, false],
         _ => &[true],
     };
-    let scheme = |klt, learns, model| Scheme::Gridded { shape: shape.clone(), klt, learns, model, step };
+    let scheme =
+        |klt, learns, model, divisor| Scheme::Gridded { shape: shape.clone(), klt, learns, model, divisor, step };
+    // Lobes that the function between incidences explains need not be coded.
+    let divisor = settings.between.stated().map_or(Divisor::None, |between| between.divisor);
+    let is_tried = divisor != Divisor::None && !plane.values.is_linear() && plane.classes.len() <= MOST_DIVIDED;
+    let divided = if is_tried { std::slice::from_ref(&divisor) } else { &[] };
     if shape.rows() > FEW_ROWS {
-        return forms.iter().map(|&klt| scheme(klt, true, Behind::Judged)).collect();
+        let divisors = [Divisor::None].iter().chain(divided);
+        return divisors
+            .flat_map(|&divisor| forms.iter().map(move |&klt| (klt, divisor)))
+            .map(|(klt, divisor)| scheme(klt, true, Behind::Judged, divisor))
+            .collect();
     }
     // Fixed prediction wins only on small smooth arrays; the residual of a model is not smooth.
-    let models = shape.models().iter().map(|&kind| (true, Behind::Model(kind)));
-    let ways = [(true, Behind::Nothing), (false, Behind::Nothing)].into_iter().chain(models);
-    ways.flat_map(|(learns, model)| forms.iter().map(move |&klt| (klt, learns, model)))
-        .map(|(klt, learns, model)| scheme(klt, learns, model))
+    let models = || shape.models().iter().map(|&kind| (true, Behind::Model(kind)));
+    let ways = [(true, Behind::Nothing), (false, Behind::Nothing)].into_iter().chain(models());
+    let plain = ways.map(|(learns, model)| (learns, model, Divisor::None));
+    let divided = divided.iter().flat_map(|&divisor| {
+        std::iter::once((true, Behind::Nothing)).chain(models()).map(move |(learns, model)| (learns, model, divisor))
+    });
+    let ways = plain.chain(divided);
+    ways.flat_map(|way| forms.iter().map(move |&klt| (klt, way)))
+        .map(|(klt, (learns, model, divisor))| scheme(klt, learns, model, divisor))
         .collect()
 }
 

@@ -1,6 +1,6 @@
 //! Weights of the cubic through the four incidences around an angle.
 
-use crate::evaluate::number::Number;
+use crate::numeric::number::Number;
 
 /// Number of incoming directions around a query through whose values an interpolating cubic passes.
 pub(in crate::evaluate) const FOUR: usize = 4;

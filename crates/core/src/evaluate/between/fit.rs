@@ -1,7 +1,7 @@
 //! Fits the microfacet model to the light of all incidences, which gives the parameters of the divisors.
 
-use super::Divided;
 use super::tables::Tables;
+use crate::compress::Divided;
 use crate::compress::Divisor;
 use crate::domain::vector::{Vector, dot, scale, sub, unit};
 

@@ -1,9 +1,9 @@
 //! Leave-one-out errors: each inner incidence is predicted from those around it.
 
-use super::Divided;
 use super::cubic::{NO_WEIGHT, held, range};
 use super::tables::{Others, Tables};
 use crate::compress::Between;
+use crate::compress::Divided;
 use crate::domain::vector::Vector;
 use crate::evaluate::incoming::{Alignment, carried};
 use crate::numeric::exponential::exp_f64;

@@ -2,7 +2,7 @@
 
 mod choice;
 mod cubic;
-mod divisor;
+
 mod fit;
 mod left_out;
 mod notes;
@@ -11,7 +11,7 @@ mod tables;
 
 pub use choice::interpolation_between;
 pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held, range};
-pub(super) use divisor::Divided;
+
 pub use report::LeftOut;
 
 /// Declarations of the notes (warnings in reports) about sparse incoming directions.

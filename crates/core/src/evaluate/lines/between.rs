@@ -4,7 +4,7 @@ use super::part::{Part, Sums, by_shares, cubic, line, straight};
 use super::sphere::Patch;
 use super::{Found, Lines};
 use crate::evaluate::mixed::NO_LIGHT;
-use crate::evaluate::number::Number;
+use crate::numeric::number::Number;
 use wide::f32x4;
 
 /// Number of wavelengths interpolated together, one per SIMD lane.

@@ -6,7 +6,7 @@ use crate::domain::Domain;
 use crate::evaluate::carried::known;
 use crate::evaluate::incoming::{Alignment, Origin, carried_to};
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
-use crate::evaluate::number::Number;
+use crate::numeric::number::Number;
 use crate::numeric::wide;
 use ::wide::f32x4;
 

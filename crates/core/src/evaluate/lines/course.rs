@@ -2,7 +2,8 @@
 
 use super::sphere::Patch;
 use crate::compress::Between;
-use crate::evaluate::between::{Cubic, Divided, FOUR};
+use crate::compress::Divided;
+use crate::evaluate::between::{Cubic, FOUR};
 
 /// Interpolation between measured incoming directions of samples on a grid.
 #[derive(Debug)]

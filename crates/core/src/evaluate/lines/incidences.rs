@@ -5,14 +5,15 @@ use super::part::Part;
 use super::sphere::{Patch, Sphere};
 use super::{AROUND, Found, Kind, Lines, Nodes};
 use crate::compress::Between;
+use crate::compress::Divided;
 use crate::domain::vector::Vector;
 use crate::domain::{Direction, Domain};
-use crate::evaluate::between::{Cubic, Divided, MOST_BEYOND, held};
+use crate::evaluate::between::{Cubic, MOST_BEYOND, held};
 use crate::evaluate::incoming::{Alignment, Origin};
 use crate::evaluate::mixed::NO_LIGHT;
-use crate::evaluate::number::Number;
 use crate::numeric::bracket::Bracket;
 use crate::numeric::logarithm::ln_f32;
+use crate::numeric::number::Number;
 
 /// Lower bound on |cos θo|, by which the upper bound on values past the last measured polar angle of incidence is
 /// divided.

@@ -25,11 +25,11 @@ mod tests;
 mod values;
 
 use super::incoming::{Alignment, Origin, carried_to};
-use super::number::Number;
 use crate::domain::vector::Vector;
 use crate::domain::{Direction, DirectionGrid, Domain};
 use crate::numeric::arctangent::atan2_degrees;
 use crate::numeric::bracket::Bracket;
+use crate::numeric::number::Number;
 use ::wide::f32x4;
 use course::{Course, FoundBetween};
 use line::{Line, Node};

@@ -2,7 +2,7 @@
 
 use super::line::Along;
 use super::sphere::Patch;
-use crate::evaluate::number::Number;
+use crate::numeric::number::Number;
 
 /// Overshoot allowed to a cubic between two samples, as a fraction of their range. Raising it permits narrower peaks
 /// and more ringing.

@@ -1,7 +1,7 @@
 //! Samples of a grid in the form in which they are interpolated: logarithms if no sample is negative, one value for
 //! each place.
 
-use crate::evaluate::number::Number;
+use crate::numeric::number::Number;
 use rayon::prelude::*;
 
 /// Multiple of samples to which a stored spectrum is padded, for vectorised loops over wavelengths.

@@ -1,8 +1,9 @@
 //! Interpolation of the smooth form between incidences, if a divisor or a cubic is in use.
 
 use crate::compress::Between;
+use crate::compress::Divided;
 use crate::domain::vector::Vector;
-use crate::evaluate::between::{Cubic, Divided, FOUR};
+use crate::evaluate::between::{Cubic, FOUR};
 use crate::evaluate::incoming::{Around, Nodes};
 use crate::evaluate::kernel::BLOCK;
 use crate::evaluate::mixed::{Mixed, Row};

@@ -1,11 +1,13 @@
 //! Levels of a grid: coarser grids whose nodes lie at the mean of the entries that they merge.
 
 use super::super::super::values::Values;
-use super::decode::Opened;
+use super::decode::{Around, Opened};
+use super::divided::DividedRows;
 use super::index::{self, GridLevel};
+use super::lattice::Shape;
 use super::nodes::Nodes;
 use super::planes::Weights;
-use crate::codec::{Class, CodecError, Reader, Writer};
+use crate::codec::{CodecError, Reader, Writer};
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError};
 
 /// Axes and samples of a measurement at a coarser resolution level.
@@ -14,22 +16,20 @@ type Coarse = (Vec<Axis>, Vec<f32>);
 /// Decodes samples and axes of a coarser grid of angles, number `level` counted from the coarsest. `coded` is a grid
 /// chunk of `length` bytes, or a prefix that contains the level.
 pub(crate) fn decode_level(
-    axes: &[Axis],
-    classes: Option<&[Class]>,
-    step: (f32, bool),
-    (basis, coded): (Option<&[u8]>, &[u8]),
+    around: Around<'_>,
+    chunks: (Option<&[u8]>, &[u8]),
     (length, level): (usize, usize),
     values: Values,
 ) -> Result<Coarse, CodecError> {
-    let mut opened = Opened::new(axes, step, (basis, coded), (length, Some(level)))?;
+    let mut opened = Opened::new(around, chunks, (length, Some(level)))?;
     let left_out = opened.levels.get(level).map_or(0, |level| level.left_out);
-    let weights = opened.planes.weights(classes);
+    let weights = opened.planes.weights(around.classes);
     let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
     let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
     let nodes = pyramid.code(&mut opened.decoder, opened.quantiser, (count, vectors), None, left_out).0;
     let malformed = |error: DirectionGridError| CodecError::Malformed { at: 0, reason: error.to_string() };
     let model = opened.model();
-    samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
+    samples(&opened, around, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
 }
 
 /// Inserts a table of lower-resolution grids, which the first bytes suffice to decode, into a chunk of samples on a
@@ -37,19 +37,17 @@ pub(crate) fn decode_level(
 ///
 /// `None` if no such grid is listed, because it needs too few bytes or nearly all.
 pub(crate) fn with_levels(
-    axes: &[Axis],
-    classes: Option<&[Class]>,
-    step: (f32, bool),
+    around: Around<'_>,
     chunks: (Option<&[u8]>, &[u8]),
     values: Values,
 ) -> Result<Option<Vec<u8>>, CodecError> {
-    let opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
+    let opened = Opened::new(around, chunks, (chunks.1.len(), None))?;
     if opened.streams.is_some() || !opened.levels.is_empty() {
         return Ok(None);
     }
     let head = if opened.negative_bound.is_some() { 5 } else { 1 };
     let stream = &chunks.1[head..];
-    let weights = opened.planes.weights(classes);
+    let weights = opened.planes.weights(around.classes);
     let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
     let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
     let model = opened.model();
@@ -63,7 +61,7 @@ pub(crate) fn with_levels(
             continue;
         }
         // Skips levels with angles made equal by rounding, or with samples beyond float32.
-        let is_whole = samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values)
+        let is_whole = samples(&opened, around, (&weights, model.as_deref()), (&nodes, left_out), values)
             .is_ok_and(|(_, samples)| !samples.iter().any(|sample| sample.is_infinite()));
         if is_whole {
             levels.push(GridLevel { end, left_out, er_l2: f64::MAX });
@@ -108,8 +106,7 @@ fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> V
 /// Converts decoded means over blocks of directions to the axes and samples of a coarser grid.
 fn samples(
     opened: &Opened<'_>,
-    axes: &[Axis],
-    classes: Option<&[Class]>,
+    around: Around<'_>,
     (weights, model): (&Weights, Option<&[f32]>),
     (nodes, left_out): (&[f32], usize),
     finish: Values,
@@ -117,7 +114,7 @@ fn samples(
     let planes = &opened.planes;
     let lattice = planes.lattice();
     let lines = lattice.coarse_lines(&opened.order[..left_out]);
-    let axes = coarse_axes(axes, &lines)?;
+    let axes = coarse_axes(around.axes, &lines)?;
     let rows = lattice.coarse_rows(&lines);
     let n = planes.length();
     let unit = lines.iter().map(|line| line.count).product();
@@ -128,8 +125,13 @@ fn samples(
         nodes.iter_mut().zip(means).for_each(|(node, mean)| *node += mean);
     }
     planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), &rows, &mut samples);
+    if opened.divided.is_some()
+        && let Some(divided) = Shape::of(&axes).and_then(|shape| DividedRows::new(&shape, around.divisor))
+    {
+        divided.restore(&mut samples);
+    }
     finish.finish(&mut samples);
-    if let Some(classes) = classes {
+    if let Some(classes) = around.classes {
         // Magnitudes of negative samples are not coded; only their bound is known.
         let least = opened.negative_bound.map_or(f32::MIN, |bound| {
             let mut magnitude = [bound];

@@ -1,10 +1,12 @@
 //! Decodes grid chunks to logarithms, of the whole tensor or of one incoming entry.
 
+use super::super::super::between::Divisor;
 use super::super::super::values::Values;
 use super::super::chart::ChartKind;
 use super::super::lines::{Quantiser, code_order};
 use super::super::spectrum::{Basis, MAX_GRID_RANK};
 use super::super::streams::Streams;
+use super::divided::DividedRows;
 use super::index::{self, GridLevel};
 use super::lattice::Shape;
 use super::model::GridModel;
@@ -13,6 +15,18 @@ use super::quantised::{bound_negative, quantiser};
 use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
+
+/// Facts about the samples in a grid chunk that other parts of the file state.
+#[derive(Clone, Copy)]
+pub(crate) struct Around<'a> {
+    pub(crate) axes: &'a [Axis],
+    pub(crate) classes: Option<&'a [Class]>,
+    /// Quantiser step of the values, and whether these are samples rather than logarithms of samples.
+    pub(crate) step: f32,
+    pub(crate) is_linear: bool,
+    /// Function of the interpolation between incoming directions, by which a grid chunk may divide its samples.
+    pub(crate) divisor: Divisor,
+}
 
 /// Decoded beginning of a chunk of samples on a grid of angles: everything in front of the coded means and details.
 pub(super) struct Opened<'a> {
@@ -26,6 +40,8 @@ pub(super) struct Opened<'a> {
     /// Scattering model whose values are added to the decoded samples on the grid of angles, with its coefficients;
     /// `None` without a model.
     model: Option<(GridModel, Vec<f64>)>,
+    /// Function by which the samples were divided before they were coded; `None` if they were not.
+    pub(super) divided: Option<DividedRows>,
     /// Coarser grids of angles that a part of the file suffices to decode, coarsest first.
     pub(super) levels: Vec<GridLevel>,
     /// Entropy decoder placed where the coded details of a grid chunk begin, for a chunk of a single byte stream.
@@ -37,11 +53,11 @@ impl<'a> Opened<'a> {
     /// Decodes the start of a grid chunk of `length` bytes. For a coarser grid, a prefix of the chunk that contains it
     /// suffices.
     pub(super) fn new(
-        axes: &[Axis],
-        (step, is_linear): (f32, bool),
+        around: Around<'_>,
         (basis, coded): (Option<&[u8]>, &'a [u8]),
         (length, level): (usize, Option<usize>),
     ) -> Result<Self, CodecError> {
+        let Around { axes, step, is_linear, .. } = around;
         let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
         let shape = Shape::of(axes)
             .ok_or_else(|| malformed("the file has a grid chunk, but its directions are on no grid of angles"))?;
@@ -59,6 +75,13 @@ impl<'a> Opened<'a> {
             if has_negative { Some(bound.f32("bound of the logarithms of negative samples")?) } else { None };
         let levels = flags.levels(&mut r, length)?;
         let form = (random, basis.is_some(), flags.weighs_negative);
+        let divided = if flags.is_divided && !is_linear { DividedRows::new(&shape, around.divisor) } else { None };
+        if divided.is_some() != flags.is_divided {
+            return Err(malformed(
+                "the grid chunk divides its samples by a function of the directions, but the file states no such \
+                 function, or samples that have none",
+            ));
+        }
         let open = |decoder: &mut Decoder<'a>| {
             let planes = Planes::code(decoder, shape.clone(), form, None);
             let order = code_order(decoder, planes.grid(), &[]);
@@ -96,7 +119,18 @@ impl<'a> Opened<'a> {
             };
             let mut decoder = Decoder::new(stream);
             let (planes, order, model) = open(&mut decoder)?;
-            return Ok(Self { quantiser, negative_bound, planes, basis, order, model, levels, decoder, streams: None });
+            return Ok(Self {
+                quantiser,
+                negative_bound,
+                planes,
+                basis,
+                order,
+                model,
+                divided,
+                levels,
+                decoder,
+                streams: None,
+            });
         }
         let length = r.size(usize::MAX >> 1, "length of a stream")?;
         let (planes, order, model) = open(&mut Decoder::new(r.take(length, "opening of a grid")?))?;
@@ -108,6 +142,7 @@ impl<'a> Opened<'a> {
             basis,
             order,
             model,
+            divided,
             levels,
             decoder: Decoder::new(&[]),
             streams: Some(streams),
@@ -128,13 +163,12 @@ impl<'a> Opened<'a> {
 /// Decodes the values of a grid chunk, with or without a basis chunk: logarithms, or samples if linear. With `finish`
 /// they become magnitudes.
 pub(crate) fn decode(
-    axes: &[Axis],
-    classes: Option<&[Class]>,
-    step: (f32, bool),
+    around: Around<'_>,
     chunks: (Option<&[u8]>, &[u8]),
     finish: Option<Values>,
 ) -> Result<Vec<f32>, CodecError> {
-    let mut opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
+    let Around { classes, .. } = around;
+    let mut opened = Opened::new(around, chunks, (chunks.1.len(), None))?;
     let (vectors, quantiser) = (opened.vectors(), opened.quantiser);
     let planes = &opened.planes;
     let weights = planes.weights(classes);
@@ -154,6 +188,9 @@ pub(crate) fn decode(
     }
     let mut values = vec![0.0; planes.rows() * planes.length()];
     planes.synthesise(opened.basis.as_ref(), &decoded, &mut values);
+    if let Some(divided) = &opened.divided {
+        divided.restore(&mut values);
+    }
     bound_negative(opened.negative_bound, classes, &mut values);
     if let Some(finish) = finish {
         finish.finish(&mut values);
@@ -168,13 +205,12 @@ fn add(planes: &mut [f32], model: &[f32]) {
 /// Decodes the values of one incoming direction from a grid chunk, bit for bit as [`decode`] does: `[outgoing,
 /// wavelength]`.
 pub(crate) fn decode_block(
-    axes: &[Axis],
-    classes: Option<&[Class]>,
-    step: (f32, bool),
+    around: Around<'_>,
     chunks: (Option<&[u8]>, &[u8]),
     entry: usize,
 ) -> Result<Vec<f32>, CodecError> {
-    let opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
+    let Around { classes, .. } = around;
+    let opened = Opened::new(around, chunks, (chunks.1.len(), None))?;
     let malformed = |reason: String| CodecError::Malformed { at: 0, reason };
     let Some(streams) = &opened.streams else {
         return Err(malformed(
@@ -194,6 +230,9 @@ pub(crate) fn decode_block(
     let rows = planes.lattice().outgoing_rows();
     let mut values = vec![0.0; rows.len() * planes.length()];
     planes.synthesise_rows(opened.basis.as_ref(), (&decoded, planes.unit()), &rows, &mut values);
+    if let Some(divided) = &opened.divided {
+        divided.restore_entry(entry, &mut values);
+    }
     let own = classes.map(|classes| &classes[entry * values.len()..][..values.len()]);
     bound_negative(opened.negative_bound, own, &mut values);
     Ok(values)
@@ -224,6 +263,10 @@ pub(super) const LEVELS: u8 = 8;
 /// exactly as positive ones.
 pub(super) const WEIGHS_NEGATIVE: u8 = 64;
 
+/// Bit in the first byte of a chunk of samples on a grid of angles that is set if the samples were divided by the
+/// function of the interpolation between incoming directions before they were coded.
+pub(super) const DIVIDED: u8 = 128;
+
 /// Options with which a chunk of samples on a grid of angles was coded; the first byte of the chunk states them.
 #[derive(Clone, Copy)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
@@ -233,6 +276,7 @@ pub(super) struct Flags {
     learns: bool,
     has_levels: bool,
     weighs_negative: bool,
+    is_divided: bool,
     model: Option<ChartKind>,
 }
 
@@ -241,7 +285,7 @@ impl Flags {
         let form = r.u8("form of a grid chunk")?;
         let model = GridModel::kind_of(form, r)?;
         let has_both = |a: u8, b: u8| form & a != 0 && form & b != 0;
-        if form & 128 != 0 || has_both(LEVELS, 1) || has_both(WEIGHS_NEGATIVE, 2) {
+        if has_both(LEVELS, 1) || has_both(WEIGHS_NEGATIVE, 2) {
             return Err(r.malformed(format!("the form {form} of the grid chunk (its first byte) is unknown")));
         }
         Ok(Self {
@@ -250,6 +294,7 @@ impl Flags {
             learns: form & 4 == 0,
             has_levels: form & LEVELS != 0,
             weighs_negative: form & WEIGHS_NEGATIVE != 0,
+            is_divided: form & DIVIDED != 0,
             model,
         })
     }

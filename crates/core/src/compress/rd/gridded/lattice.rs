@@ -118,6 +118,19 @@ impl Shape {
         }
     }
 
+    /// Unit vectors of all stated incoming and of all stated outgoing directions; `None` without incoming angles.
+    pub(super) fn directions(&self) -> Option<[Vec<[f32; 3]>; 2]> {
+        let (incoming, outgoing) = self.lines.split_at(self.incoming);
+        let of = |(frame, only): (Frame, f64), lines: &[Stated]| -> Option<Vec<[f32; 3]>> {
+            let [polar, azimuths @ ..] = lines else { return None };
+            let azimuths = azimuths.first().map_or(slice::from_ref(&only), |line| &line.positions);
+            let row = |&polar: &f64| azimuths.iter().map(move |&azimuth| frame.direction(polar, azimuth).xyz());
+            Some(polar.positions.iter().flat_map(row).map(|xyz| xyz.map(|x| x as f32)).collect())
+        };
+        let [from, to] = self.frames;
+        Some([of(from, incoming)?, of(to, outgoing)?])
+    }
+
     /// Number of spectra in the tensor, one for each pair of an incoming and an outgoing direction.
     pub(crate) fn rows(&self) -> usize {
         self.blocks * self.lines.iter().map(|line| line.positions.len()).product::<usize>()

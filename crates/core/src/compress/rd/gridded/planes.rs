@@ -3,6 +3,7 @@
 use super::super::folding::transposed;
 use super::super::lines::{Grid, PairPyramid};
 use super::super::spectrum::Basis;
+use super::divided::DividedRows;
 use super::lattice::{Lattice, Shape};
 use super::nodes::Nodes;
 use crate::codec::{BitCoder, Class};
@@ -102,10 +103,15 @@ impl Planes {
     }
 
     /// Drops repeated spectra: from the spectra of all pairs of incoming and outgoing direction in a tensor, returns
-    /// one for each distinct pair.
-    pub(super) fn leaves_of(&self, values: &[f32]) -> Vec<f32> {
+    /// one for each distinct pair. If samples are to be divided by a function, they come back divided; `values` are
+    /// logarithms then.
+    pub(super) fn leaves_of(&self, values: &[f32], divided: Option<&DividedRows>) -> Vec<f32> {
         let n = self.length();
-        self.first.iter().flat_map(|&row| &values[row as usize * n..][..n]).copied().collect()
+        let divisor = |row: usize| divided.map_or(0.0, |divided| divided.of_row(row));
+        let rows = self.first.iter().map(|&row| row as usize);
+        rows.flat_map(|row| values[row * n..][..n].iter().map(move |value| (row, value)))
+            .map(|(row, value)| value - divisor(row))
+            .collect()
     }
 
     /// Collects spectra for the principal component analysis: at most about `most` values, from directions spread

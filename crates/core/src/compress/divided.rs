@@ -1,8 +1,8 @@
 //! Logarithm of the function that samples are divided by before they are interpolated between incidences.
 
-use crate::compress::Divisor;
-use crate::evaluate::number::Number;
+use super::between::Divisor;
 use crate::numeric::logarithm::{ln_f32, ln_four};
+use crate::numeric::number::Number;
 use wide::f32x4;
 
 /// Lower bound on the cosines of polar angles in a divisor (model divided out before interpolation), which would be
@@ -14,7 +14,7 @@ const LEAST_SQUARE: f32 = 1e-12;
 /// Divisor (model by which samples are divided before interpolation between incoming directions) with its parameters
 /// precomputed for queries. `square` is the squared roughness.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::evaluate) enum Divided {
+pub(crate) enum Divided {
     None,
     Cosines,
     ProjectedAreas { square: f32 },
@@ -23,7 +23,7 @@ pub(in crate::evaluate) enum Divided {
 }
 
 impl Divided {
-    pub(in crate::evaluate) fn by(divisor: Divisor) -> Self {
+    pub(crate) fn by(divisor: Divisor) -> Self {
         match divisor {
             Divisor::None => Self::None,
             Divisor::Cosines => Self::Cosines,
@@ -64,7 +64,7 @@ impl Divided {
     /// Logarithms of the model by which samples are divided before interpolation between incoming directions, for four
     /// pairs of an incoming and an outgoing direction.
     #[inline(always)]
-    pub(in crate::evaluate) fn four(self, wi: [f32x4; 3], wo: [f32x4; 3]) -> f32x4 {
+    pub(crate) fn four(self, wi: [f32x4; 3], wo: [f32x4; 3]) -> f32x4 {
         if matches!(self, Self::None) {
             return f32x4::ZERO;
         }
@@ -75,7 +75,7 @@ impl Divided {
     /// directions, for one pair of an incoming and an outgoing direction. It is bit-identical to the result of
     /// [`Divided::four`] for this pair.
     #[inline(always)]
-    pub(in crate::evaluate) fn one(self, wi: [f32; 3], wo: [f32; 3]) -> f32 {
+    pub(crate) fn one(self, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         if matches!(self, Self::None) { 0.0 } else { ln_f32(self.value(wi, wo)) }
     }
 }

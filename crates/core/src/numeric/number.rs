@@ -5,7 +5,7 @@ use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;
 
 /// Number type for interpolation: one f32, or four in SIMD lanes, so that one function serves both.
-pub(super) trait Number:
+pub(crate) trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// Result type of comparisons: one mask bit or value for each lane.
