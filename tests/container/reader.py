@@ -2625,6 +2625,7 @@ def decode_grid(h, classes, basis, r, between, level=None):
     divided = between if form & 128 else None
     require(not form & 128 or divided is not None and divided.divisor > 0, "samples divided by a function that is not stated")
     require(not form & 128 or shape.first > 0 and not h.flags & LINEAR, "samples divided that have no incoming angles or logarithms")
+    require(not form & 128 or all(frame == 0 for frame, _ in shape.frames), "samples divided on angles of luminaires")
     random, has_bound, learns = form & 1, form & 2, not form & 4
     r.note(start, f"form of the grid chunk {form}")
     bound = h.negative_bound = F(r.number("f")) if has_bound else None

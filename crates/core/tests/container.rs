@@ -167,6 +167,9 @@ fn all() -> Vec<Golden> {
         lacquer(),
         enamel(),
         glaze(),
+        ground("chalk", Divisor::Cosines),
+        ground("felt", Divisor::ProjectedAreas { roughness: 0.5 }),
+        ground("slate", Divisor::Masking { roughness: 0.125 }),
         nacre(),
         silk(),
         reflector(),
@@ -527,6 +530,27 @@ fn glaze() -> Golden {
     let divisor = Divisor::Model { roughness: 0.3, reflectance: 0.04, base: 0.1 };
     golden.settings.between = Between { divisor, cubic: false, retro: false };
     golden.settings.random_access = true;
+    golden
+}
+
+/// Grid in chunk G with samples divided by a function that has no lobe.
+fn ground(name: &'static str, divisor: Divisor) -> Golden {
+    let azimuths = Azimuths { angles: (0..4).map(|i| 40.0 * f64::from(i)).collect(), extent: AzimuthExtent::Sector };
+    let grid =
+        DirectionGrid::new(Frame::Surface, (0..8).map(|i| 12.0 * f64::from(i)).collect(), Some(azimuths)).unwrap();
+    let axes = vec![Axis::Elevation(vec![0.0, 25.0, 50.0, 70.0, 86.0]), Axis::Grid(grid)];
+    let data = tensor(axes.clone(), |i, at| {
+        let (ci, co) = (direction(&axes[0], at[0])[2], direction(&axes[1], at[1])[2]);
+        let root = |c: f64, a: f64| (c * c + a * a * (1.0 - c * c)).sqrt();
+        let value = match divisor {
+            Divisor::ProjectedAreas { .. } => 1.0 / ((ci + root(ci, 0.5)) * (co + root(co, 0.5))),
+            Divisor::Masking { .. } => 1.0 / (co * root(ci, 0.125) + ci * root(co, 0.125)),
+            _ => 1.0 / (ci + co),
+        };
+        value * (1.0 + 0.002 * noise(i))
+    });
+    let mut golden = golden(name, Quantity::Brdf, data, Target::ErL2(0.002));
+    golden.settings.between = Between { divisor, cubic: false, retro: false };
     golden
 }
 

@@ -26,7 +26,8 @@ const REFLECTANCE: [f32; 2] = [1.0 / 8192.0, 1.0];
 const BASE: [f32; 2] = [0.0, 1_048_576.0];
 
 /// Function of incoming and outgoing direction by which samples are divided before their logarithms are interpolated
-/// between incoming directions. The result is multiplied by it again.
+/// between incoming directions. The result is multiplied by it again. Samples on grids of angles may also be divided by
+/// it before they are coded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(tag = "kind", rename_all = "snake_case")]

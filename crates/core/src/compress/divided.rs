@@ -1,4 +1,6 @@
-//! Logarithm of the function that samples are divided by before they are interpolated between incidences.
+//! Logarithm of the function that samples are divided by before they are interpolated between incidences, or coded.
+
+#![allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 
 use super::between::Divisor;
 use crate::numeric::logarithm::{ln_f32, ln_four};
@@ -11,8 +13,8 @@ const LEAST_COSINE: f32 = 1e-3;
 /// Lower bound on the squared length of a half vector, which avoids a division by 0.
 const LEAST_SQUARE: f32 = 1e-12;
 
-/// Divisor (model by which samples are divided before interpolation between incoming directions) with its parameters
-/// precomputed for queries. `square` is the squared roughness.
+/// Divisor (model by which samples are divided before interpolation between incoming directions, or before they are
+/// coded) ready to be evaluated. `square` is the squared roughness.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Divided {
     None,
@@ -35,7 +37,8 @@ impl Divided {
         }
     }
 
-    /// Value of the divisor (model divided out before interpolation) for light from `wi` to `wo`; positive.
+    /// Value of the divisor (model divided out before interpolation) for light from `wi` to `wo`; positive, and
+    /// infinite for the model where `wi` and `wo` are opposite.
     #[inline(always)]
     fn value<T: Number>(self, [ix, iy, iz]: [T; 3], [ox, oy, oz]: [T; 3]) -> T {
         let (one, least) = (T::of(1.0), T::of(LEAST_COSINE));

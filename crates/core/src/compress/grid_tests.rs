@@ -95,7 +95,8 @@ fn modelled() -> Vec<(Measurement, u8)> {
 }
 
 /// Test BRDFs that are a microfacet model but for a colour and some noise, with an interpolation that states the model.
-/// In the last one incoming directions share samples that the model has at only one of them.
+/// In the last one pairs of incoming directions have equal samples although the model differs between them, so that one
+/// must not stand for the other.
 fn polished() -> Vec<(Measurement, Between)> {
     let between = |roughness| {
         let divisor = Divisor::Model { roughness, reflectance: 0.05, base: 0.125 }.stated();
@@ -125,7 +126,7 @@ fn polished() -> Vec<(Measurement, Between)> {
         let lambdas = if case == 0 { 4 } else { 1 };
         let sample = |flat: usize| {
             let pair = flat / lambdas % (from.len() * to.len());
-            let incoming = if case == 3 { pair / to.len() & !1 } else { pair / to.len() };
+            let incoming = if case == 3 { (pair / to.len()) & !1 } else { pair / to.len() };
             let [wi, wo] = [direction(from, incoming), direction(to, pair % to.len())].map(|d| d.map(|x| x as f32));
             let noise = 0.002 * libm::sin(1e3 * pair as f64 * pair as f64);
             let colour = 1.0 + 0.1 * (flat % lambdas) as f64 + noise;
@@ -324,6 +325,11 @@ fn what_the_function_between_incidences_has_is_not_coded_again() {
             for level in levels(&file.bytes).unwrap() {
                 let coarse = decode_level(&file.bytes, level.level).unwrap().measurement;
                 assert!(coarse.tensor.samples().iter().all(|sample| !sample.is_infinite()));
+                let azimuths = |m: &Measurement| match &m.tensor.axes()[at] {
+                    Axis::Grid(grid) => grid.azimuths().is_some(),
+                    _ => false,
+                };
+                assert_eq!(azimuths(&coarse), azimuths(&m), "a level without azimuths");
             }
         }
     }

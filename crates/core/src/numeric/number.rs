@@ -1,5 +1,7 @@
 //! Arithmetic written once for single numbers, in loops that vectorise, and for four numbers side by side.
 
+#![allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+
 use crate::numeric::exponential::{exp_estrin, exp_estrin_of_four};
 use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;

@@ -137,16 +137,16 @@ impl<'a> GridLayer<'a> {
     ) -> Result<Self, SettingError> {
         let length = shape.length();
         let allowed = shape.models();
-        let divided = DividedRows::new(&shape, form.divisor);
-        // Copies of a direction come back equal only if they are divided by equal numbers, too.
-        let divisor = |at: usize| divided.as_ref().map_or(0.0, |divided| divided.of_row(at / length)).to_bits();
+        let divided = DividedRows::new(&shape, form.divisor).filter(DividedRows::is_usable);
         let same = |a: usize, b: usize| {
-            let [a, b] = [a, b].map(|at| {
+            let [one, two] = [a, b].map(|at| {
                 let class = classes.map_or(Class::Positive, |classes| classes[at]);
                 let weighs = class == Class::Positive || form.weighs_negative && class == Class::Negative;
-                (class, if weighs { values[at].to_bits() } else { 0 }, divisor(at))
+                (class, if weighs { values[at].to_bits() } else { 0 })
             });
-            a == b
+            // Equal samples of two directions come back equal only if both are divided by the same number.
+            let divisor = |at: usize| divided.as_ref().map_or(0.0, |divided| divided.of_row(at / length)).to_bits();
+            one == two && divisor(a) == divisor(b)
         };
         let mut opening = Encoder::default();
         let planes = Planes::code(&mut opening, shape, (form.random, form.klt, form.weighs_negative), Some(&same));

@@ -24,8 +24,8 @@ const MOST_INDICES: usize = 64;
 const MOST_CHANNELS: usize = 8;
 /// Largest number of direction pairs on grids of angles for which prediction by fixed filters alone is tried.
 const FEW_ROWS: usize = 20_000;
-/// Largest number of samples for which division by the function between incidences is tried: a second scheme takes as
-/// much time and memory again.
+/// Largest number of samples for which division by the function between incidences is tried. It doubles the schemes but
+/// one, hence the time, and for large arrays the memory.
 const MOST_DIVIDED: usize = 1 << 20;
 /// Number of symmetries that map a hemisphere's triangle mesh to itself.
 const ALL_SYMMETRIES: usize = 8;
@@ -67,13 +67,14 @@ impl Scheme {
             Self::Adaptive => SpectralBasis::Klt.name(),
             Self::Predicted(folded, None) if folded.is_trivial() => "predicted",
             Self::Predicted(_, None) => "predicted, folded",
-            Self::Gridded { klt, divisor, .. } if *divisor != Divisor::None => {
-                if *klt {
-                    "grid, klt, divided"
-                } else {
-                    "grid, divided"
-                }
-            }
+            Self::Gridded { klt, divisor, model, .. } if *divisor != Divisor::None => match (klt, model) {
+                (true, Behind::Model(ChartKind::Isotropic)) => "grid, klt, divided, isotropic model",
+                (true, Behind::Model(_)) => "grid, klt, divided, anisotropic model",
+                (true, _) => "grid, klt, divided",
+                (false, Behind::Model(ChartKind::Isotropic)) => "grid, divided, isotropic model",
+                (false, Behind::Model(_)) => "grid, divided, anisotropic model",
+                (false, _) => "grid, divided",
+            },
             Self::Gridded { klt: true, learns: true, model, .. } => match model {
                 Behind::Model(ChartKind::Isotropic) => "grid, klt, isotropic model",
                 Behind::Model(_) => "grid, klt, anisotropic model",

@@ -60,6 +60,10 @@ pub(crate) fn with_levels(
         if !index::is_stated(end, levels.last().map_or(0, |level| level.end), stream.len()) {
             continue;
         }
+        // No azimuth stands for all of them where samples were divided by a function that depends on it.
+        if opened.divided.is_some() && opened.planes.lattice().has_lost_azimuths(&opened.order[..left_out]) {
+            continue;
+        }
         // Skips levels with angles made equal by rounding, or with samples beyond float32.
         let is_whole = samples(&opened, around, (&weights, model.as_deref()), (&nodes, left_out), values)
             .is_ok_and(|(_, samples)| !samples.iter().any(|sample| sample.is_infinite()));
@@ -125,10 +129,12 @@ fn samples(
         nodes.iter_mut().zip(means).for_each(|(node, mean)| *node += mean);
     }
     planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), &rows, &mut samples);
-    if opened.divided.is_some()
-        && let Some(divided) = Shape::of(&axes).and_then(|shape| DividedRows::new(&shape, around.divisor))
-    {
-        divided.restore(&mut samples);
+    if opened.divided.is_some() {
+        let divided = Shape::of(&axes).and_then(|shape| DividedRows::new(&shape, around.divisor));
+        debug_assert!(divided.is_some(), "the axes of a level are those of the file, with fewer angles");
+        if let Some(divided) = divided {
+            divided.restore(&mut samples);
+        }
     }
     finish.finish(&mut samples);
     if let Some(classes) = around.classes {

@@ -118,14 +118,14 @@ impl Shape {
         }
     }
 
-    /// Unit vectors of all stated incoming and of all stated outgoing directions; `None` without incoming angles.
-    pub(super) fn directions(&self) -> Option<[Vec<[f32; 3]>; 2]> {
+    /// Stated polar angles and azimuths of the incoming and of the outgoing directions; `None` without incoming angles,
+    /// or with angles of luminaires.
+    pub(super) fn angles(&self) -> Option<[[Vec<f64>; 2]; 2]> {
         let (incoming, outgoing) = self.lines.split_at(self.incoming);
-        let of = |(frame, only): (Frame, f64), lines: &[Stated]| -> Option<Vec<[f32; 3]>> {
+        let of = |(frame, only): (Frame, f64), lines: &[Stated]| -> Option<[Vec<f64>; 2]> {
             let [polar, azimuths @ ..] = lines else { return None };
-            let azimuths = azimuths.first().map_or(slice::from_ref(&only), |line| &line.positions);
-            let row = |&polar: &f64| azimuths.iter().map(move |&azimuth| frame.direction(polar, azimuth).xyz());
-            Some(polar.positions.iter().flat_map(row).map(|xyz| xyz.map(|x| x as f32)).collect())
+            let azimuths = azimuths.first().map_or_else(|| vec![only], |line| line.positions.clone());
+            (frame == Frame::Surface).then(|| [polar.positions.clone(), azimuths])
         };
         let [from, to] = self.frames;
         Some([of(from, incoming)?, of(to, outgoing)?])
@@ -364,6 +364,13 @@ impl Lattice {
         let lines = self.kept.len();
         let halvings = |axis: usize| left_out.iter().filter(|&&halved| usize::from(halved) == axis).count() as u32;
         (0..lines).map(|line| self.nodes(line, halvings(AXES - lines + line))).collect()
+    }
+
+    /// Returns true if merges along the axes in `left_out` make all azimuths of an axis one.
+    pub(super) fn has_lost_azimuths(&self, left_out: &[u8]) -> bool {
+        let lines = self.coarse_lines(left_out);
+        let (incoming, outgoing) = lines.split_at(self.shape.incoming);
+        [incoming, outgoing].iter().any(|lines| lines.get(1).is_some_and(|line| line.halvings > 0 && line.count == 1))
     }
 
     /// Angle axis after `halvings` merges of neighbouring entries. Every merged entry lies at the mean of the stated
