@@ -456,12 +456,24 @@ fn spot() -> Golden {
     golden("spot", Quantity::Edf, data, Target::ErL2(0.01))
 }
 
-/// Grid in chunk G with the isotropic model, the spectral basis computed from the data, and a coarser level.
-fn varnish() -> Golden {
+/// Returns the axes of a small isotropic measurement: six incidences, half a hemisphere of outgoing directions, four
+/// wavelengths.
+fn goniometer() -> Vec<Axis> {
     let azimuths = Azimuths { angles: (0..13).map(|i| 15.0 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
     let polar = (0..9).map(|i| 10.0 * f64::from(i)).collect();
     let grid = DirectionGrid::new(Frame::Surface, polar, Some(azimuths)).unwrap();
-    let axes = vec![Axis::Elevation(vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0]), Axis::Grid(grid), wavelengths(4)];
+    vec![Axis::Elevation(vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0]), Axis::Grid(grid), wavelengths(4)]
+}
+
+/// Returns azimuths all the way round.
+fn circle(step: f64, count: usize) -> Azimuths {
+    let angles = (0..count).map(|i| step * i as f64).collect();
+    Azimuths { angles, extent: AzimuthExtent::Circle }
+}
+
+/// Grid in chunk G with the isotropic model, the spectral basis computed from the data, and a coarser level.
+fn varnish() -> Golden {
+    let axes = goniometer();
     let data = tensor(axes.clone(), |i, at| match i % 301 {
         0 => f64::NAN,
         _ => narrow(&axes, at, [40.0, 40.0]) * (1.0 + 0.03 * noise(i)),
@@ -473,13 +485,9 @@ fn varnish() -> Golden {
 
 /// Grids in chunk G with the anisotropic model, and a separate stream per incoming direction.
 fn brushed() -> Golden {
-    let circle = |step: f64, count: usize| {
-        let angles = (0..count).map(|i| step * i as f64).collect();
-        Some(Azimuths { angles, extent: AzimuthExtent::Circle })
-    };
-    let incoming = DirectionGrid::new(Frame::Surface, vec![20.0, 40.0, 60.0], circle(90.0, 4)).unwrap();
+    let incoming = DirectionGrid::new(Frame::Surface, vec![20.0, 40.0, 60.0], Some(circle(90.0, 4))).unwrap();
     let polar = (0..8).map(|i| 10.0 * f64::from(i)).collect();
-    let outgoing = DirectionGrid::new(Frame::Surface, polar, circle(15.0, 24)).unwrap();
+    let outgoing = DirectionGrid::new(Frame::Surface, polar, Some(circle(15.0, 24))).unwrap();
     let axes = vec![Axis::Grid(incoming), Axis::Grid(outgoing)];
     let data = tensor(axes.clone(), |i, at| narrow(&axes, at, [10.0, 60.0]) * (1.0 + 0.002 * noise(i)));
     let mut golden = golden("brushed", Quantity::Brdf, data, Target::ErL2(0.005));
@@ -501,10 +509,7 @@ fn lacquer() -> Golden {
 
 /// Grid in chunk G with samples divided by the model of the interpolation between incidences, masks, a coarser level.
 fn enamel() -> Golden {
-    let azimuths = Azimuths { angles: (0..13).map(|i| 15.0 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
-    let polar = (0..9).map(|i| 10.0 * f64::from(i)).collect();
-    let grid = DirectionGrid::new(Frame::Surface, polar, Some(azimuths)).unwrap();
-    let axes = vec![Axis::Elevation(vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0]), Axis::Grid(grid), wavelengths(4)];
+    let axes = goniometer();
     let data = tensor(axes.clone(), |i, at| match i % 301 {
         0 => f64::NAN,
         _ => polished(&axes, at, 0.1) * (1.0 + 0.03 * noise(i)),
@@ -517,13 +522,10 @@ fn enamel() -> Golden {
 
 /// Grids in chunk G with samples divided by a model, and a separate stream per incoming direction.
 fn glaze() -> Golden {
-    let circle = |step: f64, count: usize| {
-        let angles = (0..count).map(|i| step * i as f64).collect();
-        Some(Azimuths { angles, extent: AzimuthExtent::Circle })
-    };
-    let incoming = DirectionGrid::new(Frame::Surface, vec![0.0, 35.0, 55.0, 75.0], circle(90.0, 4)).unwrap();
+    let incoming = DirectionGrid::new(Frame::Surface, vec![0.0, 35.0, 55.0, 75.0], Some(circle(90.0, 4))).unwrap();
     let outgoing =
-        DirectionGrid::new(Frame::Surface, (0..9).map(|i| 10.0 * f64::from(i)).collect(), circle(30.0, 12)).unwrap();
+        DirectionGrid::new(Frame::Surface, (0..9).map(|i| 10.0 * f64::from(i)).collect(), Some(circle(30.0, 12)))
+            .unwrap();
     let axes = vec![Axis::Grid(incoming), Axis::Grid(outgoing)];
     let data = tensor(axes.clone(), |i, at| polished(&axes, at, 0.3) * (1.0 + 0.002 * noise(i)));
     let mut golden = golden("glaze", Quantity::Brdf, data, Target::ErL2(0.005));

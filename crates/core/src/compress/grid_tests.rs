@@ -115,15 +115,15 @@ fn polished() -> Vec<(Measurement, Between)> {
         (vec![elevations, grid(Frame::Surface, polar(), circle(24))], 0.125),
     ];
     let cases = cases.into_iter().enumerate().map(|(case, (axes, roughness))| {
-        let [from, to] =
-            [1, 0].map(|before| &axes[axes.len() - 1 - before - usize::from(axes.len() == 3 && case == 0)]);
+        let mut directions = axes.iter().filter(|axis| matches!(axis, Axis::Elevation(_) | Axis::Grid(_)));
+        let (from, to) = (directions.next().unwrap(), directions.next().unwrap());
         let direction = |axis: &Axis, i: usize| match axis {
             Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),
             Axis::Grid(grid) => grid.direction(i).xyz(),
             _ => unreachable!("no directions"),
         };
         let divided = Divided::by(between(roughness).divisor);
-        let lambdas = if case == 0 { 4 } else { 1 };
+        let lambdas = axes.last().filter(|axis| matches!(axis, Axis::Wavelength(_))).map_or(1, Axis::len);
         let sample = |flat: usize| {
             let pair = flat / lambdas % (from.len() * to.len());
             let incoming = if case == 3 { (pair / to.len()) & !1 } else { pair / to.len() };

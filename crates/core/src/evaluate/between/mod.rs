@@ -2,7 +2,6 @@
 
 mod choice;
 mod cubic;
-
 mod fit;
 mod left_out;
 mod notes;
@@ -11,7 +10,6 @@ mod tables;
 
 pub use choice::interpolation_between;
 pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held, range};
-
 pub use report::LeftOut;
 
 /// Declarations of the notes (warnings in reports) about sparse incoming directions.

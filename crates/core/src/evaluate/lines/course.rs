@@ -1,8 +1,7 @@
 //! Interpolation of samples on a grid between incidences, if a divisor or a cubic is in use.
 
 use super::sphere::Patch;
-use crate::compress::Between;
-use crate::compress::Divided;
+use crate::compress::{Between, Divided};
 use crate::evaluate::between::{Cubic, FOUR};
 
 /// Interpolation between measured incoming directions of samples on a grid.

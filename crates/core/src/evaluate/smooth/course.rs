@@ -1,7 +1,6 @@
 //! Interpolation of the smooth form between incidences, if a divisor or a cubic is in use.
 
-use crate::compress::Between;
-use crate::compress::Divided;
+use crate::compress::{Between, Divided};
 use crate::domain::vector::Vector;
 use crate::evaluate::between::{Cubic, FOUR};
 use crate::evaluate::incoming::{Around, Nodes};

@@ -104,7 +104,12 @@ impl<'a> Opened<'a> {
             });
             Ok::<_, CodecError>((planes, order, model.transpose()?))
         };
-        if !random {
+        let (opening, decoder, streams) = if random {
+            let length = r.size(usize::MAX >> 1, "length of a stream")?;
+            let opening = open(&mut Decoder::new(r.take(length, "opening of a grid")?))?;
+            let streams = Streams::read(&mut r, false, opening.0.streams())?;
+            (opening, Decoder::new(&[]), Some(streams))
+        } else {
             let stream = match level {
                 None => r.take(r.remaining(), "grid")?,
                 Some(level) => {
@@ -118,35 +123,10 @@ impl<'a> Opened<'a> {
                 }
             };
             let mut decoder = Decoder::new(stream);
-            let (planes, order, model) = open(&mut decoder)?;
-            return Ok(Self {
-                quantiser,
-                negative_bound,
-                planes,
-                basis,
-                order,
-                model,
-                divided,
-                levels,
-                decoder,
-                streams: None,
-            });
-        }
-        let length = r.size(usize::MAX >> 1, "length of a stream")?;
-        let (planes, order, model) = open(&mut Decoder::new(r.take(length, "opening of a grid")?))?;
-        let streams = Streams::read(&mut r, false, planes.streams())?;
-        Ok(Self {
-            quantiser,
-            negative_bound,
-            planes,
-            basis,
-            order,
-            model,
-            divided,
-            levels,
-            decoder: Decoder::new(&[]),
-            streams: Some(streams),
-        })
+            (open(&mut decoder)?, decoder, None)
+        };
+        let (planes, order, model) = opening;
+        Ok(Self { quantiser, negative_bound, planes, basis, order, model, divided, levels, decoder, streams })
     }
 
     /// Evaluates the scattering model for all incoming directions; `None` without a model.
