@@ -9,8 +9,15 @@ use super::range::BitCoder;
 const CLASSES: usize = 4;
 /// Number of binary decisions that name a class.
 const KINDS: usize = 3;
-/// Numbers of contexts of the five predictions of a sample: the classes of four neighbours; which of eleven, of nine
-/// and of eight neighbours are not positive; and how many of more neighbours are not.
+/// Numbers of contexts of the five predictions of a sample, which are mixed. A context is what a prediction sees of the
+/// neighbours that are coded already (`docs/container.md`, section 8.1, names them):
+///
+/// * the classes of the nearest: in the same row, the row before, the incoming direction before and the lane before;
+/// * which of eleven are not positive, most of them in the same row and the rows before;
+/// * which of nine, most of them under the incoming directions before;
+/// * which of eight, most of them in the lanes before;
+/// * how many are not positive of ten in the rows before, nine under the incoming direction before and nine in the lane
+///   before (hence 11, 10 and 10 counts), and which of two in the same row.
 const CONTEXTS: [usize; WIDE] = [CLASSES * CLASSES * CLASSES * CLASSES, 1 << 11, 1 << 9, 1 << 8, 11 * 10 * 10 * 4];
 /// Numbers of contexts of the three predictions that a row repeats an earlier one.
 const REPEATS: [usize; 3] = [16, 32, 5 * 16];
