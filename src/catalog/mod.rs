@@ -232,24 +232,28 @@ pub(crate) mod testing {
         }
     }
 
-    /// Makes a test's catalog on PostgreSQL record each queueing and each start of a job, in the order in which they
-    /// happen. A job counts as queued when its transaction ends, since no worker sees it before.
+    /// Makes a test's catalog on PostgreSQL record each start of a job, in the order in which they happen.
     pub(crate) async fn record_starts(catalog: &Catalog) {
-        let text = "CREATE TABLE starts (number BIGSERIAL, state TEXT, job TEXT); \
+        let text = "CREATE TABLE starts (number BIGSERIAL, job TEXT, is_mark BOOLEAN); \
              CREATE FUNCTION record_start() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN \
-             INSERT INTO starts (state, job) VALUES (NEW.state, NEW.id); RETURN NULL; END $$; \
-             CREATE CONSTRAINT TRIGGER queued AFTER INSERT ON jobs DEFERRABLE INITIALLY DEFERRED \
-             FOR EACH ROW EXECUTE FUNCTION record_start(); \
+             INSERT INTO starts (job, is_mark) VALUES (NEW.id, FALSE); RETURN NULL; END $$; \
              CREATE TRIGGER started AFTER UPDATE ON jobs FOR EACH ROW \
              WHEN (OLD.state = 'queued' AND NEW.state = 'running') EXECUTE FUNCTION record_start()";
         catalog.pool.execute(text).await.unwrap();
     }
 
-    /// Returns the number of jobs that were started after a job was queued and before it was started.
+    /// Records, among the starts, that whoever queued a job has been told so. Workers see the job a little earlier: when
+    /// its transaction has ended, which no statement of that transaction can tell.
+    pub(crate) async fn record_answer(catalog: &Catalog, job: &str) {
+        let mark = sqlx::query("INSERT INTO starts (job, is_mark) VALUES ($1, TRUE)").bind(job.to_owned());
+        mark.execute(&catalog.pool).await.unwrap();
+    }
+
+    /// Returns the number of jobs that were started after [`record_answer`] for a job and before that job was started.
     pub(crate) async fn started_before(catalog: &Catalog, job: &str) -> i64 {
-        let count = "SELECT COUNT(*) FROM starts WHERE state = 'running' \
-             AND number > (SELECT number FROM starts WHERE job = $1 AND state = 'queued') \
-             AND number < (SELECT number FROM starts WHERE job = $1 AND state = 'running')";
+        let count = "SELECT COUNT(*) FROM starts WHERE NOT is_mark \
+             AND number > (SELECT number FROM starts WHERE job = $1 AND is_mark) \
+             AND number < (SELECT number FROM starts WHERE job = $1 AND NOT is_mark)";
         sqlx::query(count).bind(job.to_owned()).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()
     }
 
