@@ -40,7 +40,7 @@ impl Divided {
     /// Value of the divisor (model divided out before interpolation) for light from `wi` to `wo`; positive, and
     /// infinite for the model where `wi` and `wo` are opposite.
     #[inline(always)]
-    fn value<T: Number>(self, [ix, iy, iz]: [T; 3], [ox, oy, oz]: [T; 3]) -> T {
+    pub(crate) fn value<T: Number>(self, [ix, iy, iz]: [T; 3], [ox, oy, oz]: [T; 3]) -> T {
         let (one, least) = (T::of(1.0), T::of(LEAST_COSINE));
         let (ci, co) = (iz.size().larger(least), oz.size().larger(least));
         let root = |square: f32, c: T| (c * c + T::of(square) * (one - c * c)).root();

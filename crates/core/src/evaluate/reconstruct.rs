@@ -29,6 +29,7 @@ pub(super) struct Cells {
     /// triangle: the midpoints of the edges. For samples at centroids, the centroid, listed three times.
     points: Vec<[Vector; 3]>,
     vertices: Vec<[Vector; 3]>,
+    has_averages: bool,
 }
 
 /// Upper bound on Σ|weight| / Σ weight of a quadratic fit to the triangles around a node, if some of these are left out
@@ -43,16 +44,16 @@ const ON_EDGE: f64 = 1e-9;
 pub(super) type Weights = Vec<(u32, f32)>;
 
 impl Cells {
-    /// Prepares the triangles of `mesh` for fits; `averages` is true for averages over triangles, false for samples at
-    /// centroids.
-    pub(super) fn new(mesh: TriangleMesh, averages: bool) -> Self {
+    /// Prepares the triangles of `mesh` for fits; `has_averages` is true for averages over triangles, false for
+    /// samples at centroids.
+    pub(super) fn new(mesh: TriangleMesh, has_averages: bool) -> Self {
         let middle = |a, b| unit(add(a, b));
         let vertices = mesh.all_vertices();
         let of = |&[a, b, c]: &[Vector; 3]| {
-            if averages { [middle(b, c), middle(a, c), middle(a, b)] } else { [unit(add(a, add(b, c))); 3] }
+            if has_averages { [middle(b, c), middle(a, c), middle(a, b)] } else { [unit(add(a, add(b, c))); 3] }
         };
         let points = vertices.iter().map(of).collect();
-        Self { mesh, neighbours: Neighbours::new(mesh), points, vertices }
+        Self { mesh, neighbours: Neighbours::new(mesh), points, vertices, has_averages }
     }
 
     pub(super) fn mesh(&self) -> TriangleMesh {
@@ -69,6 +70,11 @@ impl Cells {
         };
         let around = self.neighbours.around(home).iter().copied().filter(|&cell| holds(cell));
         std::iter::once(home as u32).chain(around).collect()
+    }
+
+    /// Returns true for averages over triangles, false for samples at centroids.
+    pub(super) fn has_averages(&self) -> bool {
+        self.has_averages
     }
 
     pub(super) fn points(&self, cell: usize) -> [Vector; 3] {

@@ -51,22 +51,35 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
     }
     let grey = grey(measurement, length(layout.spectral))?;
     let noise = estimate_noise(&grey, 0.0).map_or(0.0, |noise| noise.relative);
-    let material = Material::of(grey)?;
+    let material = Material::of(grey.clone())?;
     let Some(tables) = Tables::of(&material) else { return Ok(Between::default()) };
-    let errors_of = |alignment: Alignment, ways: Vec<Between>| {
-        let ways: Vec<Between> = ways.into_iter().filter(|way| way.fits(measurement.quantity, axes)).collect();
-        let errors = left_out(&tables, alignment, &ways, noise)?;
-        best(ways.into_iter().zip(errors).collect())
+    let fitted = if measurement.quantity == Quantity::Brdf { model(&tables) } else { None };
+    let (model, under_model) = match fitted {
+        Some(first) if material.planes_of_cells().is_some() => refined(&grey, first)?,
+        plain => (plain, None),
     };
-    let divisors = divisors(&tables, measurement.quantity);
-    let Some((way, error)) = errors_of(tables.alignment(), candidates(&divisors, false)) else {
+    let under_model = under_model.as_ref().and_then(Tables::of);
+    let divisors = divisors(model, measurement.quantity);
+    let errors_of = |alignment: Alignment, divisors: &[Divisor], retro: bool| {
+        let ways = candidates(divisors, retro).into_iter().filter(|way| way.fits(measurement.quantity, axes));
+        let (modelled, plain): (Vec<Between>, Vec<Between>) =
+            ways.partition(|way| matches!(way.divisor, Divisor::Model { .. }));
+        let mut all: Vec<(Between, Errors)> =
+            plain.iter().copied().zip(left_out(&tables, alignment, &plain, noise)?).collect();
+        let of_model = left_out(under_model.as_ref().unwrap_or(&tables), alignment, &modelled, noise)?;
+        all.extend(modelled.into_iter().zip(of_model));
+        // The cheapest first; the model is the last of the divisors.
+        all.sort_by_key(|(way, _)| way.cubic);
+        best(all)
+    };
+    let Some((way, error)) = errors_of(tables.alignment(), &divisors, false) else {
         return Ok(Between::default());
     };
     if measurement.quantity == Quantity::Brdf && error > SAME {
         // The microfacet model's lobe lies about the mirror direction.
         let divisors: Vec<Divisor> =
             divisors.into_iter().filter(|divisor| !matches!(divisor, Divisor::Model { .. })).collect();
-        if let Some((retro, retro_error)) = errors_of(Alignment::Rotation, candidates(&divisors, true))
+        if let Some((retro, retro_error)) = errors_of(Alignment::Rotation, &divisors, true)
             && retro_error < MUCH_BETTER * error
         {
             return Ok(retro);
@@ -75,20 +88,30 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
     Ok(way)
 }
 
-/// Candidate divisors (models by which samples are divided before interpolation) of a quantity, cheapest first, with
-/// fitted parameters.
-fn divisors(tables: &Tables<'_>, quantity: Quantity) -> Vec<Divisor> {
+/// Fits the microfacet model again to a measurement over triangles, with the light within triangles as the first fit
+/// has it: the function's lobe may be as narrow as a triangle. Returns the model, and the material divided by it.
+fn refined(grey: &Measurement, first: Divisor) -> Result<(Option<Divisor>, Option<Material>), EvaluateError> {
+    let under = |divisor: Divisor| Material::with_between(grey.clone(), Between { divisor, ..Between::default() });
+    let opened = under(first)?;
+    match Tables::of(&opened).as_ref().and_then(model) {
+        Some(divisor) if divisor != first => Ok((Some(divisor), Some(under(divisor)?))),
+        _ => Ok((Some(first), Some(opened))),
+    }
+}
+
+/// Candidate divisors (models by which samples are divided before interpolation) of a quantity, cheapest first.
+fn divisors(model: Option<Divisor>, quantity: Quantity) -> Vec<Divisor> {
     let mut divisors = vec![Divisor::None];
     if quantity == Quantity::Brdf {
         divisors.push(Divisor::Cosines);
-        if let Some(model @ Divisor::Model { roughness, .. }) = model(tables) {
+        if let Some(model @ Divisor::Model { roughness, .. }) = model {
             divisors.extend([Divisor::ProjectedAreas { roughness }, Divisor::Masking { roughness }, model]);
         }
     }
     divisors
 }
 
-/// Candidate interpolations between incoming directions, cheapest first: linear before cubic.
+/// Candidate interpolations between incoming directions.
 fn candidates(divisors: &[Divisor], retro: bool) -> Vec<Between> {
     let of_order = |cubic: bool| divisors.iter().map(move |&divisor| Between { divisor, cubic, retro });
     of_order(false).chain(of_order(true)).collect()

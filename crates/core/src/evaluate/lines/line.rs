@@ -223,8 +223,8 @@ mod tests {
         Line::new(nodes, is_circle)
     }
 
-    /// Part of the samples, each times 1 + its absolute weight, by which the rounding of places and weights to `f32` may
-    /// move an interpolated value. A narrow interval beside a wide one has weights of some thousands, which cancel.
+    /// Part of the samples, each times 1 + its absolute weight, by which the rounding of places and weights to `f32`
+    /// may move an interpolated value. A narrow interval beside a wide one has weights of some thousands, which cancel.
     const ROUNDED: f64 = 4.0 * f32::EPSILON as f64;
 
     /// Checks that a cubic through samples of a function has the function's value at `angle`.

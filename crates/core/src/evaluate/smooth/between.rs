@@ -1,6 +1,6 @@
 //! Smooth form with a divisor or a cubic between incidences, and its extrapolation past the last incidence.
 
-use super::course::{Course, Divisors, Lanes, MOST_LANES};
+use super::course::{Course, Lanes, MOST_LANES};
 use super::{Seen, SeenBlock, Smooth};
 use crate::domain::vector::Vector;
 use crate::evaluate::between::{FOUR, MOST_BEYOND, NO_WEIGHT, held, range};
@@ -10,7 +10,6 @@ use crate::evaluate::incoming::{Nodes, Origin, carried, carried_to_four};
 use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
 use crate::numeric::wide;
-use ::wide::f32x4;
 
 /// Lower bound on the divisor cos θo in the upper bound on values past the last measured polar angle of incidence.
 const LEAST_COSINE: f32 = 1e-3;
@@ -22,9 +21,13 @@ impl Smooth {
     pub(super) fn hold_past_last(&mut self, course: &mut Course, entries: usize, directions: &[Vector]) {
         let Nodes::Elevations(_, elevations) = &self.nodes else { return };
         let (Some(last), node) = (elevations.last(), elevations.len() - 1) else { return };
+        let wi = self.nodes.direction(node);
+        // A divisor's lobe may be narrower than the distance between nodes.
+        let mirrored = course.has_divisor().then_some([-wi[0], -wi[1], wi[2]]);
         let peaks = (0..entries).map(|entry| {
-            let lights = directions.iter().filter(|wo| wo[2] > 0.0).map(|&wo| {
-                let seen = self.under(entry, node, wo);
+            let lights = directions.iter().copied().chain(mirrored).filter(|wo| wo[2] > 0.0).map(|wo| {
+                let mut seen = self.under(entry, node, wo);
+                course.multiply(&mut seen, wi, wo);
                 let is_light = seen.presence > 0.0;
                 if is_light { course.brightness(&seen.row) + ln_f32(wo[2] as f32) } else { f32::NEG_INFINITY }
             });
@@ -39,7 +42,6 @@ impl Smooth {
     /// light, or if lobes moved to it reach the horizon.
     pub(super) fn made_between(
         &self,
-        course: &Course,
         first: usize,
         nodes: &Nodes,
         [means, fit]: [&Entries; 2],
@@ -49,9 +51,7 @@ impl Smooth {
         let seen = |source: usize| {
             let to = nodes.direction(source);
             let (there, worth) = carried(self.alignment, self.domain, wi, to, d);
-            let mut seen = self.looked_up(first + source, there);
-            course.divide(&mut seen, to, there);
-            (seen, worth)
+            (self.looked_up(first + source, there), worth)
         };
         let mut mean = Mixture::new();
         for &(source, weight) in means {
@@ -71,7 +71,6 @@ impl Smooth {
                 *value += least * (fitted / total - *value);
             }
         }
-        course.multiply(&mut mixed, wi, d);
         mixed
     }
 
@@ -111,21 +110,13 @@ impl Smooth {
         let mut rows = [[0.0_f32; WIDTH]; MOST_LANES];
         let (mut shares, mut worths) = ([1.0_f32; MOST_LANES], [0.0_f32; MOST_LANES]);
         let (mut live, mut known) = (0.0, 0.0);
-        // A lane that no node needs is used for the place itself.
-        let has_own_lane = GROUPS == 1 && curve.is_none();
-        let (mut own, mut divided) = (0.0, 0.0);
         for group in 0..GROUPS {
             let nodes_here: [u32; FOUR] = std::array::from_fn(|k| nodes[group * FOUR + k]);
-            let mut to = nodes_here.map(|node| self.origins[node as usize]);
-            if has_own_lane {
-                to[FOUR - 1] = origin;
-            }
+            let to = nodes_here.map(|node| self.origins[node as usize]);
             let (there, worth) = carried_to_four(self.alignment, self.domain, origin, to, wo);
             let mut patches = Patches::<FOUR>::NOWHERE;
             self.elements.write(there, &mut patches, 0);
-            let from = [0, 1, 2].map(|axis| f32x4::new(to.map(|to| to.direction[axis])));
-            let (divisors, worth) = (course.divided.four(from, there).to_array(), worth.to_array());
-            own = divisors[FOUR - 1];
+            let worth = worth.to_array();
             for (lane, k) in (group * FOUR..).take(FOUR).enumerate().filter(|(_, k)| is_used(*k)) {
                 worths[k] = worth[lane];
                 let base = (entry * self.node_count + nodes[k] as usize) * self.elements.len();
@@ -135,15 +126,9 @@ impl Smooth {
                 }
                 rows[k] = self.row_in::<WIDTH>(base, &patches, lane);
                 let weight = linear[k] * worths[k];
-                if curve.is_some() {
-                    for (value, constant) in rows[k].iter_mut().zip(course.constant) {
-                        *value -= divisors[lane] * constant;
-                    }
-                }
                 if known_share > 0.0 {
                     known += weight;
                     live += weight * shares[k];
-                    divided += weight * shares[k] * divisors[lane];
                 } else {
                     shares[k] = 0.0;
                 }
@@ -171,13 +156,7 @@ impl Smooth {
                 *value += worth * (held(sum, range(mixed.map(|k| rows[k][plane]))) - *value);
             }
         }
-        if !has_own_lane {
-            own = course.divided.one(origin.direction, wo.map(|x| x as f32));
-        }
-        // For linear interpolation all rows are divided at once, so that they need not wait for logarithms.
-        if curve.is_none() && live > 0.0 {
-            own -= divided / live;
-        }
+        let mut own = course.divided.one(origin.direction, wo.map(|x| x as f32));
         let past = course.last.as_ref().filter(|(height, _)| wi[2] < *height - ROUNDING);
         if let Some(peak) = past.map(|(_, peaks)| peaks[entry]).filter(|peak| peak.is_finite()) {
             let most = peak + ln_f32(MOST_BEYOND) - ln_f32((wo[2] as f32).max(LEAST_COSINE));
@@ -190,14 +169,7 @@ impl Smooth {
     /// Multiplies the interpolated coefficients of a block of queries by the divisor (model divided out before
     /// interpolation). Queries past the last measured polar angle of incidence are evaluated again one by one.
     #[inline(always)]
-    pub(super) fn multiply_block(
-        &self,
-        course: &Course,
-        entry: usize,
-        divisors: &Divisors,
-        seen: &SeenBlock,
-        to: &mut [Mixed],
-    ) {
+    pub(super) fn multiply_block(&self, course: &Course, entry: usize, seen: &SeenBlock, to: &mut [Mixed]) {
         let single = [&seen.wi, &seen.wo].map(|of| of.map(|numbers| numbers.map(|x| x as f32)));
         let [wi, wo] = single.each_ref();
         let own = course.divisors(wi.each_ref(), wo.each_ref());
@@ -206,7 +178,7 @@ impl Smooth {
             if course.last.as_ref().is_some_and(|(height, _)| wi[2] < *height - ROUNDING) {
                 *to = self.at_between(course, entry, &seen.get(i));
             } else {
-                course.shift(&mut to.row, own[i] - divisors.mean(i));
+                course.shift(&mut to.row, own[i]);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Interpolation of the smooth form between incidences, if a divisor or a cubic is in use.
 
-use crate::compress::{Between, Divided};
+use crate::compress::{Between, Divided, Divisor};
 use crate::domain::vector::Vector;
 use crate::evaluate::between::{Cubic, FOUR};
 use crate::evaluate::incoming::{Around, Nodes};
@@ -72,7 +72,7 @@ impl Course {
 
     /// Natural logarithm of the divisor (model by which samples are divided before interpolation) for a pair of
     /// directions.
-    fn divisor(&self, wi: Vector, wo: Vector) -> f32 {
+    pub(super) fn divisor(&self, wi: Vector, wo: Vector) -> f32 {
         self.divided.one(wi.map(|x| x as f32), wo.map(|x| x as f32))
     }
 
@@ -86,12 +86,6 @@ impl Course {
             *four = self.divided.four(at(wi), at(wo)).to_array();
         }
         logarithms
-    }
-
-    /// Divides the spectrum that coefficients represent by the divisor (model by which samples are divided before
-    /// interpolation) for the incoming direction `to` and the outgoing direction `there`.
-    pub(super) fn divide(&self, mixed: &mut Mixed, to: Vector, there: Vector) {
-        self.shift(&mut mixed.row, -self.divisor(to, there));
     }
 
     /// Multiplies an interpolated spectrum, given by its coefficients, by the divisor (model by which samples were
@@ -156,43 +150,13 @@ impl Course {
         self.curve.is_some()
     }
 
+    /// Returns true if samples are divided by a function before interpolation.
+    pub(super) fn has_divisor(&self) -> bool {
+        self.stated.divisor != Divisor::None
+    }
+
     pub(super) fn memory(&self) -> usize {
         let cubic = if let Some(Curve::Cubic(cubic)) = &self.curve { cubic.memory() } else { 0 };
         size_of::<Self>() + cubic + self.last.as_ref().map_or(0, |(_, peaks)| size_of_val(&**peaks))
-    }
-}
-
-/// Logarithms of the divisor (model divided out before interpolation) at the interpolation nodes around the queries of
-/// a block: weighted sums, and sums of weights.
-pub(super) struct Divisors {
-    sums: [f32; BLOCK],
-    weights: [f32; BLOCK],
-}
-
-impl Divisors {
-    pub(super) const NOTHING: Self = Self { sums: [0.0; BLOCK], weights: [0.0; BLOCK] };
-
-    /// Adds the logarithms of the divisor (model divided out before interpolation) at one interpolation node for each
-    /// query of a block, with outgoing directions `there`.
-    #[inline(always)]
-    pub(super) fn add(
-        &mut self,
-        course: &Course,
-        [x, y, z, ..]: &[[f32; BLOCK]; 5],
-        there: &[[f32; BLOCK]; 3],
-        weights: &[f32; BLOCK],
-    ) {
-        let logarithms = course.divisors([x, y, z], there.each_ref());
-        for i in 0..BLOCK {
-            self.sums[i] += weights[i] * logarithms[i];
-            self.weights[i] += weights[i];
-        }
-    }
-
-    /// Weighted mean of the natural logarithms of the divisor (model by which samples are divided before interpolation)
-    /// over the interpolation nodes around the incoming direction of query number `i` of the block.
-    #[inline(always)]
-    pub(super) fn mean(&self, i: usize) -> f32 {
-        self.sums[i] / self.weights[i]
     }
 }

@@ -6,11 +6,15 @@
 //!   of an exponential exceeds the exponential of the average.
 //! * Over **incoming** directions: linear between three nodes. Each node is looked up at the outgoing direction to
 //!   which its lobe is aligned ([`super::incoming::Alignment`]). The alignment is the one under which the function
-//!   keeps its shape best from one measured incoming direction to the next. If a divisor or a cubic is chosen
-//!   ([`crate::compress::Between`]), `between` applies it.
+//!   keeps its shape best from one measured incoming direction to the next. `between` applies a cubic
+//!   ([`crate::compress::Between`]).
+//! * With a **divisor** the nodes hold quotients: the cells' averages are divided by those of the divisor
+//!   (`cell_means`), and what is interpolated over both directions is multiplied by the divisor there. So the divisor
+//!   gives its shape to lobes that are as narrow as a cell, or that move between incoming directions.
 //! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
 
 mod between;
+mod cell_means;
 mod course;
 mod moving;
 mod tables;
@@ -27,7 +31,7 @@ use crate::domain::Domain;
 use crate::domain::vector::Vector;
 use crate::numeric::wide;
 use ::wide::f32x4;
-use course::{Course, Divisors};
+use course::Course;
 
 /// Tables for smooth interpolation of spectral coefficients over outgoing and incoming directions.
 #[derive(Debug)]
@@ -50,7 +54,7 @@ pub(super) struct Smooth {
     /// lobes from one incoming direction to another.
     origins: Vec<Origin>,
     /// Spectral coefficients `[combination of indices][incoming direction][outgoing direction][coefficient]` at the
-    /// pairs of directions between which evaluation interpolates.
+    /// pairs of directions between which evaluation interpolates; of quotients if there is a divisor.
     values: Vec<f32>,
     /// Two fractions of the solid angle for each `[combination of indices][incoming direction][outgoing direction]`: of
     /// nonzero among the unmasked outgoing triangles that touch the direction, and of unmasked among all that touch it.
@@ -147,7 +151,8 @@ impl Smooth {
     }
 
     /// Spectral coefficients at an outgoing direction, interpolated in the table of one incoming node, with the
-    /// fraction of the interpolation weight that lies on nonzero triangles.
+    /// fraction of the interpolation weight that lies on nonzero triangles. They are those of a quotient if there is a
+    /// divisor.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
         let mut patches = Patches::<1>::NOWHERE;
         self.elements.write(d.map(|x| x as f32), &mut patches, 0);
@@ -160,12 +165,21 @@ impl Smooth {
             Nodes::Same(to) => (0, carried(self.alignment, self.domain, wi, to, wo).0),
             _ => (incoming, wo),
         };
-        self.looked_up(entry * self.node_count + node, there)
+        self.multiplied(entry, node, there)
     }
 
     /// Returns the spectral coefficients at `wo` under the incoming interpolation node number `node`.
     pub(super) fn under(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
-        self.looked_up(entry * self.node_count + node, wo)
+        self.multiplied(entry, node, wo)
+    }
+
+    /// Spectral coefficients at an outgoing direction under one incoming node, multiplied by the divisor.
+    fn multiplied(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
+        let mut mixed = self.looked_up(entry * self.node_count + node, wo);
+        if let Some(course) = &self.course {
+            course.multiply(&mut mixed, self.nodes.direction(node), wo);
+        }
+        mixed
     }
 
     /// Returns true if the interpolation patch around a direction has light at a corner, so that the function is
@@ -223,22 +237,13 @@ impl Smooth {
             return;
         }
         let count = if matches!(self.nodes, Nodes::One | Nodes::Same(_)) { 1 } else { 3 };
-        let mut divisors = Divisors::NOTHING;
         wide(
             #[inline(always)]
             || {
                 known(
                     alignment,
                     #[inline(always)]
-                    |alignment| match &self.course {
-                        None => self.look_up_block(alignment, is_whole, count, seen, |_, _, _| ()),
-                        Some(course) => self.look_up_block(alignment, is_whole, count, seen, |to, there, weights| {
-                            // Elevations have no third node.
-                            if weights.iter().any(|weight| *weight > 0.0) {
-                                divisors.add(course, to, there, weights);
-                            }
-                        }),
-                    },
+                    |alignment| self.look_up_block(alignment, is_whole, count, seen),
                 );
                 let SeenBlock { patches: [a, b, c], weights, .. } = &*seen;
                 for (i, to) in to.iter_mut().enumerate() {
@@ -250,7 +255,7 @@ impl Smooth {
         if let Some(course) = &self.course {
             wide(
                 #[inline(always)]
-                || self.multiply_block(course, entry, &divisors, seen, to),
+                || self.multiply_block(course, entry, seen, to),
             );
         }
     }
@@ -258,18 +263,8 @@ impl Smooth {
     /// For each query of a block (batch evaluated together) and each of the `count` incoming nodes around it: moves the
     /// outgoing direction with the lobe to that node and writes the interpolation patch there. Multiplies the node's
     /// interpolation weight by the factor that the alignment of lobes gives.
-    ///
-    /// `each` is called `count` times, with one node for each query. It receives the nodes' directions (x, y, z, and
-    /// cosine and sine of the azimuth), the moved outgoing directions, and the weights of the nodes.
     #[inline(always)]
-    fn look_up_block(
-        &self,
-        alignment: Alignment,
-        is_free: bool,
-        count: usize,
-        seen: &mut SeenBlock,
-        mut each: impl FnMut(&[[f32; BLOCK]; 5], &[[f32; BLOCK]; 3], &[f32; BLOCK]),
-    ) {
+    fn look_up_block(&self, alignment: Alignment, is_free: bool, count: usize, seen: &mut SeenBlock) {
         let mut origins = [[0.0; BLOCK]; 5];
         for i in 0..BLOCK {
             let Origin { direction: [x, y, z], azimuth: [cos, sin] } = Origin::new(vector_of(&seen.wi, i));
@@ -280,7 +275,7 @@ impl Smooth {
         let wo = seen.wo.map(|numbers| numbers.map(|x| x as f32));
         for ((patches, weights), nodes) in seen.patches.iter_mut().zip(&mut seen.weights).zip(&seen.nodes).take(count) {
             let mut to = [[0.0; BLOCK]; 5];
-            if alignment != Alignment::None || self.course.is_some() {
+            if alignment != Alignment::None {
                 for i in 0..BLOCK {
                     let Origin { direction: [x, y, z], azimuth: [cos, sin] } = self.origins[nodes[i] as usize];
                     for (to, number) in to.iter_mut().zip([x, y, z, cos, sin]) {
@@ -288,7 +283,6 @@ impl Smooth {
                     }
                 }
             }
-            let mut theres = [[0.0; BLOCK]; 3];
             for i in 0..BLOCK {
                 let at = |of: &[[f32; BLOCK]; 5]| Origin {
                     direction: [of[0][i], of[1][i], of[2][i]],
@@ -298,14 +292,10 @@ impl Smooth {
                     carried_to(alignment, is_free, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
                 self.elements.write(there, patches, i);
                 weights[i] *= worth;
-                for (theres, number) in theres.iter_mut().zip(there) {
-                    theres[i] = number;
-                }
                 for shares in &mut patches.weights {
                     shares[i] *= weights[i];
                 }
             }
-            each(&to, &theres, weights);
         }
     }
 

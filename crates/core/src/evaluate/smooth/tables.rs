@@ -2,6 +2,7 @@
 //! incoming directions.
 
 use super::Smooth;
+use super::cell_means::CellMeans;
 use super::course::Course;
 use crate::compress::{Between, Divisor};
 use crate::domain::vector::Vector;
@@ -62,9 +63,10 @@ impl Smooth {
             nodes: Nodes::One,
             course: None,
         };
-        let (tables, presence) = smooth.reconstruct(planes, cells, lookup, entries * own);
-        smooth.values = tables;
-        smooth.presence = presence;
+        smooth.values = smooth.reconstruct(planes, cells, lookup, entries * own, None);
+        if planes.cells().iter().any(|&cell| cell != Cell::Live) {
+            smooth.presence = smooth.presence_at_nodes(planes, lookup, cells, entries * own);
+        }
         // At this point every entry is a node of its own and there are no derived nodes.
         let directions = elements.directions();
         let mut best = (f64::INFINITY, candidates.first().copied().unwrap_or_default());
@@ -89,6 +91,11 @@ impl Smooth {
             nodes.add_middles();
         }
         let mut course = Course::new(between, planes, &nodes);
+        if let Some(course) = course.as_ref().filter(|course| course.has_divisor()) {
+            let incoming: Vec<Vector> = (0..own).map(|node| nodes.direction(node)).collect();
+            let means = CellMeans::new(course, &incoming, cells);
+            smooth.values = smooth.reconstruct(planes, cells, lookup, entries * own, Some(&means));
+        }
         smooth.add_nodes_between(&nodes, entries, &directions, course.as_ref());
         smooth.node_count = nodes.counts().0;
         smooth.origins = (0..smooth.node_count).map(|node| Origin::new(nodes.direction(node))).collect();
@@ -101,14 +108,15 @@ impl Smooth {
     }
 
     /// Returns the spectral coefficients at the interpolation nodes over outgoing directions, for every sampled
-    /// incoming direction. Also returns, for each node, the fractions of nonzero and of unmasked triangles around it.
+    /// incoming direction; with `divisor` those of the quotients by its means over the cells.
     fn reconstruct(
         &self,
         planes: &Planes,
         cells: &Cells,
         lookup: &MeshLookup,
         incoming: usize,
-    ) -> (Vec<f32>, Vec<[f32; 2]>) {
+        divisor: Option<&CellMeans<'_>>,
+    ) -> Vec<f32> {
         let leaves = lookup.mesh().len();
         let (width, used) = (self.width, planes.count());
         let whole = node_weights(cells, lookup, self.elements, None);
@@ -122,6 +130,9 @@ impl Smooth {
             let weights = own.as_ref().unwrap_or(&whole);
             let mut averages: Vec<f32> =
                 (0..leaves).flat_map(|cell| planes.row(entry * leaves + cell)).copied().collect();
+            if let Some(means) = divisor {
+                means.divide(entry, &mut averages, width);
+            }
             apply(weights, &averages, width, table);
             if !planes.has_logarithms() {
                 return;
@@ -138,12 +149,7 @@ impl Smooth {
                 apply(weights, &averages, width, table);
             }
         });
-        let presence = if planes.cells().is_empty() || planes.cells().iter().all(|&cell| cell == Cell::Live) {
-            Vec::new()
-        } else {
-            self.presence_at_nodes(planes, lookup, cells, incoming)
-        };
-        (values, presence)
+        values
     }
 
     /// Excess of the logarithm of a triangle's average over the average of the logarithm, to second order: half the
@@ -228,8 +234,8 @@ impl Smooth {
                 directions
                     .iter()
                     .map(|&d| {
-                        if let Some(course) = course {
-                            return self.made_between(course, entry * own, nodes, [&means, &sources], wi, d);
+                        if course.is_some() {
+                            return self.made_between(entry * own, nodes, [&means, &sources], wi, d);
                         }
                         let mut mix = Mixture::new();
                         for &(source, weight) in &sources {
