@@ -184,24 +184,11 @@ impl<'a> Sampler<'a> {
         u: [f64; 2],
         options: SampleOptions,
     ) -> Result<Option<Draw>, EvaluateError> {
-        if self.has_lobe() {
-            self.drawn_beside(index, wi, u, options)
-        } else {
-            self.drawn_by_cells(index, wi, u, options)
-        }
-    }
-
-    /// Draws a direction from the sampling trees alone.
-    #[inline(always)]
-    fn drawn_by_cells(
-        &self,
-        index: &[usize],
-        wi: Option<Direction>,
-        u: [f64; 2],
-        options: SampleOptions,
-    ) -> Result<Option<Draw>, EvaluateError> {
         let mixture = self.mixture(index, wi, options)?;
         check_point(u)?;
+        if let Some(lobe) = self.lobe_beside(&mixture, wi) {
+            return self.drawn_beside(&mixture, &lobe, (index, wi), u, options);
+        }
         let Some((wo, leaf)) = mixture.draw(u) else { return Ok(None) };
         let pdf = mixture.density(wo);
         // The last corner of a triangle, a null set, may have density 0.
@@ -216,21 +203,15 @@ impl<'a> Sampler<'a> {
         Ok(Some(Draw { direction, pdf, incoming: mixture.incoming(), cell }))
     }
 
-    /// Draws a direction from a mixture of the analytic lobe and the sampling trees. Not inlined, so that draws from
-    /// trees alone keep their mixture in registers.
-    #[inline(never)]
+    /// Draws a direction from a mixture of the analytic lobe and the sampling trees.
     fn drawn_beside(
         &self,
-        index: &[usize],
-        wi: Option<Direction>,
+        mixture: &Mixture<'_>,
+        lobe: &LobePart,
+        (index, wi): (&[usize], Option<Direction>),
         u: [f64; 2],
         options: SampleOptions,
     ) -> Result<Option<Draw>, EvaluateError> {
-        let mixture = self.mixture(index, wi, options)?;
-        check_point(u)?;
-        let Some(lobe) = self.lobe_beside(&mixture, wi) else {
-            return self.drawn_by_cells(index, wi, u, options);
-        };
         let geometry = self.function.geometry();
         let direction = match lobe.drawn(u) {
             Ok(direction) => direction,

@@ -81,7 +81,7 @@ pub struct Report {
     /// Relative errors of the directional albedo or flux of the decoded file, over all directions and wavelengths.
     pub light: Option<LightReport>,
     /// Method and leave-one-out errors of the interpolation between incident directions. `None` if no incident
-    /// direction lies between others, or if there are more than 131,072 pairs of stored incoming and outgoing
+    /// direction lies between others, or if there are more than 262,144 pairs of stored incoming and outgoing
     /// directions.
     pub incidences: Option<IncidenceReport>,
     /// Colour differences between the decoded file and the values before compression, if the target bounds them.

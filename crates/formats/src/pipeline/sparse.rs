@@ -6,11 +6,11 @@ use crate::domain::{Axis, DEFAULT_ERROR, Measurement, Note};
 use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
 /// Upper bound on the number of pairs of stored incoming and outgoing directions of a material that is opened to check
-/// its incoming directions. Opening this many takes one or two seconds; raising it checks larger materials.
-const MOST_CELLS: usize = 1 << 17;
+/// its incoming directions. Opening this many takes two to four seconds; raising it checks larger materials.
+const MOST_CELLS: usize = 1 << 18;
 
 /// Returns a warning if the incoming directions of a material are too sparse to interpolate its lobe between them.
-/// Materials with more than 131,072 pairs of stored incoming and outgoing directions are not checked.
+/// Materials with more than 262,144 pairs of stored incoming and outgoing directions are not checked.
 pub fn sparse(bytes: &[u8]) -> Result<Option<Note>, EvaluateError> {
     let summary = compress::inspect(bytes)?;
     if !has_lobes(&summary.axes) {

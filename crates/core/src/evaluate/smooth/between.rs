@@ -1,4 +1,4 @@
-//! Smooth form with a divisor or a cubic between incidences, and its extrapolation past the last incidence.
+//! Smooth form with a divisor or a curve between incidences, and its extrapolation past the last incidence.
 
 use super::course::{Course, Lanes, MOST_LANES};
 use super::{Seen, SeenBlock, Smooth};
@@ -79,6 +79,18 @@ impl Smooth {
     /// inlined, because each kind of query would compile its eight versions again.
     #[inline(never)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
+        if !course.has_curve() {
+            let factor = course.divisor(seen.wi, seen.wo);
+            return wide(
+                #[inline(always)]
+                || {
+                    let mut mixed = self.straight(entry, seen);
+                    let factor = held_past_last(course, entry, seen, factor, &mixed.row[..self.width]);
+                    course.shift(&mut mixed.row, factor);
+                    mixed
+                },
+            );
+        }
         wide(
             #[inline(always)]
             || match (self.width, course.is_wide()) {
@@ -156,30 +168,22 @@ impl Smooth {
                 *value += worth * (held(sum, range(mixed.map(|k| rows[k][plane]))) - *value);
             }
         }
-        let mut own = course.divided.one(origin.direction, wo.map(|x| x as f32));
-        let past = course.last.as_ref().filter(|(height, _)| wi[2] < *height - ROUNDING);
-        if let Some(peak) = past.map(|(_, peaks)| peaks[entry]).filter(|peak| peak.is_finite()) {
-            let most = peak + ln_f32(MOST_BEYOND) - ln_f32((wo[2] as f32).max(LEAST_COSINE));
-            own = own.min(most - course.brightness(&mixed.row[..WIDTH]));
-        }
-        course.shift(&mut mixed.row, own);
+        let factor = course.divided.one(origin.direction, wo.map(|x| x as f32));
+        let factor = held_past_last(course, entry, seen, factor, &mixed.row[..WIDTH]);
+        course.shift(&mut mixed.row, factor);
         mixed
     }
 
     /// Multiplies the interpolated coefficients of a block of queries by the divisor (model divided out before
-    /// interpolation). Queries past the last measured polar angle of incidence are evaluated again one by one.
+    /// interpolation).
     #[inline(always)]
     pub(super) fn multiply_block(&self, course: &Course, entry: usize, seen: &SeenBlock, to: &mut [Mixed]) {
         let single = [&seen.wi, &seen.wo].map(|of| of.map(|numbers| numbers.map(|x| x as f32)));
         let [wi, wo] = single.each_ref();
-        let own = course.divisors(wi.each_ref(), wo.each_ref());
+        let factors = course.divisors(wi.each_ref(), wo.each_ref());
         for (i, to) in to.iter_mut().enumerate() {
-            let wi = seen.get(i).wi;
-            if course.last.as_ref().is_some_and(|(height, _)| wi[2] < *height - ROUNDING) {
-                *to = self.at_between(course, entry, &seen.get(i));
-            } else {
-                course.shift(&mut to.row, own[i]);
-            }
+            let factor = held_past_last(course, entry, &seen.get(i), factors[i], &to.row[..self.width]);
+            course.shift(&mut to.row, factor);
         }
     }
 
@@ -195,5 +199,18 @@ impl Smooth {
             row.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
         }
         row
+    }
+}
+
+/// Logarithm of a factor on the spectrum that `row` represents: past the last measured polar angle of incidence an
+/// upper bound holds, elsewhere it is the given one.
+#[inline(always)]
+fn held_past_last(course: &Course, entry: usize, &Seen { wi, wo, .. }: &Seen, factor: f32, row: &[f32]) -> f32 {
+    match &course.last {
+        Some((height, peaks)) if wi[2] < *height - ROUNDING && peaks[entry].is_finite() => {
+            let most = peaks[entry] + ln_f32(MOST_BEYOND) - ln_f32((wo[2] as f32).max(LEAST_COSINE));
+            factor.min(most - course.brightness(row))
+        }
+        _ => factor,
     }
 }

@@ -203,9 +203,16 @@ impl Smooth {
     /// query's indices (positions on the axes before the directions).
     #[inline(always)]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
-        if let Some(course) = &self.course {
-            return self.at_between(course, entry, seen);
+        match &self.course {
+            None => self.straight(entry, seen),
+            Some(course) => self.at_between(course, entry, seen),
         }
+    }
+
+    /// Spectral coefficients interpolated linearly between incoming directions; those of a quotient if there is a
+    /// divisor.
+    #[inline(always)]
+    fn straight(&self, entry: usize, seen: &Seen) -> Mixed {
         let &Seen { around, wi, wo } = seen;
         let [a, b, c] = around.nodes;
         let mut patches = Patches::<4>::NOWHERE;
@@ -230,7 +237,7 @@ impl Smooth {
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;
-        let is_single = self.course.as_ref().is_some_and(|course| course.has_curve() || !self.presence.is_empty());
+        let is_single = self.course.as_ref().is_some_and(|course| course.has_curve());
         if is_single || is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
             // Curves use other nodes, and the alignment differs above and below the horizon.
             to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
