@@ -116,8 +116,29 @@ fn measurements() -> Outcome<Vec<Measurement>> {
     Ok(all)
 }
 
+/// Microfacet lobe of roughness 0.2 over a constant, for incoming and outgoing directions on the first two axes.
+fn glossy(axes: Vec<Axis>) -> Outcome<Measurement> {
+    let (incoming, outgoing) = (axes[0].clone(), axes[1].clone());
+    let rest: usize = axes[2..].iter().map(Axis::len).product();
+    let places = (0..incoming.len()).flat_map(|i| (0..outgoing.len()).map(move |o| (i, o)));
+    let mut samples = Vec::new();
+    for (i, o) in places {
+        let (Some(wi), Some(wo)) = (incoming.direction(i), outgoing.direction(o)) else {
+            return Err("the first two axes hold no directions".into());
+        };
+        let (wi, wo) = (wi.xyz(), wo.xyz());
+        let half = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
+        let cosine2 = half[2] * half[2] / half.iter().map(|x| x * x).sum::<f64>();
+        let slopes = 1.0 - cosine2 * (1.0 - 0.2 * 0.2);
+        let value = 0.1 + 0.01 / (slopes * slopes) / (0.1 + wi[2].max(0.0) + wo[2].max(0.0));
+        samples.extend((0..rest).map(|band| (value * (1.0 + 0.1 * band as f64)) as f32));
+    }
+    let tensor = Tensor::new(axes, samples)?;
+    Ok(Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Average, tensor)?)
+}
+
 /// Materials on grids of angles, with every extent of azimuths. They have one stream or one for each incoming entry, a
-/// basis or channels, light, corrections, levels, straight lines, and lossless coding.
+/// basis or channels, light, corrections, levels, straight lines, samples divided by a function, and lossless coding.
 fn grids() -> Outcome<Vec<Vec<u8>>> {
     let every = |step: f64, count: usize| -> Vec<f64> { (0..count).map(|i| f64::from(i as u32) * step).collect() };
     let grid = |frame, polar, angles: Vec<f64>, extent| -> Outcome<Axis> {
@@ -135,8 +156,8 @@ fn grids() -> Outcome<Vec<Vec<u8>>> {
         (Quantity::Edf, vec![Axis::Grid(DirectionGrid::new(Frame::TypeC, every(5.0, 19), None)?)]),
         (Quantity::Edf, vec![grid(Frame::TypeA, every(10.0, 9), every(10.0, 6), AzimuthExtent::Sector)?]),
         (Quantity::Brdf, vec![elevations.clone(), half.clone(), Axis::Rgb]),
-        (Quantity::Brdf, vec![elevations, half.clone()]),
-        (Quantity::Brdf, vec![half.clone(), half]),
+        (Quantity::Brdf, vec![elevations.clone(), half.clone()]),
+        (Quantity::Brdf, vec![half.clone(), half.clone()]),
     ];
     let plain = |target| Settings { target, metadata: None, ..Settings::default() };
     let wanted = [
@@ -164,6 +185,25 @@ fn grids() -> Outcome<Vec<Vec<u8>>> {
             for settings in &wanted {
                 // Combinations that cannot keep the promise give no seed.
                 files.extend(compress(&measurement, settings, &Silent).map(|compressed| compressed.bytes));
+            }
+        }
+    }
+    let divisors = [
+        Divisor::Cosines,
+        Divisor::ProjectedAreas { roughness: 0.2 },
+        Divisor::Masking { roughness: 0.2 },
+        Divisor::Model { roughness: 0.2, reflectance: 0.04, base: 0.3 },
+        Divisor::Model { roughness: 0.2, reflectance: 0.9, base: 0.0 },
+    ];
+    for axes in [vec![elevations.clone(), half.clone()], vec![elevations, half, wavelengths(9)]] {
+        let measurement = glossy(axes)?;
+        for divisor in divisors {
+            let between = Between { divisor, cubic: true, retro: false };
+            for settings in [plain(Target::ErL2(0.01)), plain(Target::ErL2(0.1))] {
+                for random_access in [false, true] {
+                    let settings = Settings { between, random_access, ..settings.clone() };
+                    files.push(compress(&measurement, &settings, &Silent)?.bytes);
+                }
             }
         }
     }

@@ -383,9 +383,23 @@ impl Material {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<(Direction, f64)>, EvaluateError> {
-        let turning = self.stated().and_then(|stated| stated.turning(wi));
-        let Some(turning) = turning else { return self.sampler()?.draw(index, wi, u, options.into()) };
-        let drawn = self.sampler()?.draw(index, Some(Turning::up()), u, options.into())?;
+        match self.stated() {
+            None => self.sampler()?.draw(index, wi, u, options.into()),
+            Some(stated) => self.draw_on(stated, index, wi, u, options.into()),
+        }
+    }
+
+    /// Draws a direction and density for samples on a grid of angles.
+    fn draw_on(
+        &self,
+        stated: &Stated,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<(Direction, f64)>, EvaluateError> {
+        let Some(turning) = stated.turning(wi) else { return self.sampler()?.draw(index, wi, u, options) };
+        let drawn = self.sampler()?.draw(index, Some(Turning::up()), u, options)?;
         Ok(drawn.map(|(direction, pdf)| (turning.outward(direction), pdf)))
     }
 
@@ -455,7 +469,7 @@ impl Material {
     /// Builds a sampler whose density follows the values at one wavelength in nm, linear between the samples of the
     /// spectra. Fails outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
-        let (cells, lookup) = self.over_triangles()?.sampled()?;
+        let (cells, lookup) = self.sampled()?;
         let function = (&cells.function, cells.lobe.as_deref());
         WavelengthSampler::at(function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
@@ -463,16 +477,21 @@ impl Material {
     /// Sampler whose density follows the mean over wavelengths; its trees are built on first use.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
-        let (cells, lookup) = self.over_triangles()?.sampled()?;
+        let (cells, lookup) = self.sampled()?;
         let lobe = cells.lobe.as_deref().map(|lobe| (lobe, lobe.mean_colour()));
         Ok(Sampler::new(&cells.function, lobe, cells.mean_trees(lookup)))
     }
 
+    /// Samples over triangles from which directions are drawn, and the lookup of their outgoing mesh.
     #[inline]
     fn sampled(&self) -> Result<(&Cells, &Arc<MeshLookup>), EvaluateError> {
-        match (self.cells(), self.geometry().mesh()) {
-            (Some(cells), Some(lookup)) => Ok((cells, lookup)),
-            _ => unfit(QueryError::NoOutgoing { need: Need::Sampling, quantity: self.quantity() }),
+        let cells = match &self.body {
+            Body::Cells(cells) => Some(cells),
+            Body::Grid { .. } => self.over_triangles()?.cells(),
+        };
+        match cells.and_then(|cells| Some((cells, cells.function.geometry().mesh()?))) {
+            Some(found) => Ok(found),
+            None => unfit(QueryError::NoOutgoing { need: Need::Sampling, quantity: self.quantity() }),
         }
     }
 
