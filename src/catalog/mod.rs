@@ -242,8 +242,8 @@ pub(crate) mod testing {
         catalog.pool.execute(text).await.unwrap();
     }
 
-    /// Records, among the starts, that whoever queued a job has been told so. Workers see the job a little earlier:
-    /// when its transaction has ended, which no statement of that transaction can tell.
+    /// Records, in the order of the recorded starts, that the client that queued a job has its answer. Workers see the
+    /// job a little earlier: when its transaction has ended, which no statement of that transaction can tell.
     pub(crate) async fn record_answer(catalog: &Catalog, job: &str) {
         let mark = sqlx::query("INSERT INTO starts (job, is_mark) VALUES ($1, TRUE)").bind(job.to_owned());
         mark.execute(&catalog.pool).await.unwrap();

@@ -389,7 +389,7 @@ impl Material {
         }
     }
 
-    /// Draws a direction and density for samples on a grid of angles.
+    /// Draws a direction with its density, as [`Material::draw`] does, if samples lie on a grid of angles.
     fn draw_on(
         &self,
         stated: &Stated,

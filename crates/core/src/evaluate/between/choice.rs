@@ -55,7 +55,10 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
     let Some(tables) = Tables::of(&material) else { return Ok(Between::default()) };
     let fitted = if measurement.quantity == Quantity::Brdf { model(&tables) } else { None };
     let (model, under_model) = match fitted {
-        Some(first) if material.planes_of_cells().is_some() => refined(&grey, first)?,
+        Some(first) if material.planes_of_cells().is_some() => {
+            let (model, material) = refined(&grey, first)?;
+            (Some(model), Some(material))
+        }
         plain => (plain, None),
     };
     let under_model = under_model.as_ref().and_then(Tables::of);
@@ -90,12 +93,12 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
 
 /// Fits the microfacet model again to a measurement over triangles, with the light within triangles as the first fit
 /// has it: the function's lobe may be as narrow as a triangle. Returns the model, and the material divided by it.
-fn refined(grey: &Measurement, first: Divisor) -> Result<(Option<Divisor>, Option<Material>), EvaluateError> {
+fn refined(grey: &Measurement, first: Divisor) -> Result<(Divisor, Material), EvaluateError> {
     let under = |divisor: Divisor| Material::with_between(grey.clone(), Between { divisor, ..Between::default() });
     let opened = under(first)?;
     match Tables::of(&opened).as_ref().and_then(model) {
-        Some(divisor) if divisor != first => Ok((Some(divisor), Some(under(divisor)?))),
-        _ => Ok((Some(first), Some(opened))),
+        Some(divisor) if divisor != first => Ok((divisor, under(divisor)?)),
+        _ => Ok((first, opened)),
     }
 }
 

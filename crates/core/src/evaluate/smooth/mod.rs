@@ -151,8 +151,8 @@ impl Smooth {
     }
 
     /// Spectral coefficients at an outgoing direction, interpolated in the table of one incoming node, with the
-    /// fraction of the interpolation weight that lies on nonzero triangles. They are those of a quotient if there is a
-    /// divisor.
+    /// fraction of the interpolation weight that lies on nonzero triangles. If samples are divided by a
+    /// function before interpolation, the coefficients are those of the quotient.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
         let mut patches = Patches::<1>::NOWHERE;
         self.elements.write(d.map(|x| x as f32), &mut patches, 0);
