@@ -68,7 +68,7 @@ pub(in crate::evaluate) fn held<T: Number>(cubic: T, [low, high]: [T; 2]) -> T {
 
 /// Minimum and maximum of the numbers that `values` yields; infinity and minus infinity if there are none.
 #[inline(always)]
-pub(in crate::evaluate) fn range(values: impl Iterator<Item = f32>) -> [f32; 2] {
+pub(super) fn range(values: impl Iterator<Item = f32>) -> [f32; 2] {
     values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 

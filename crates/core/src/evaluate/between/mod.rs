@@ -9,7 +9,7 @@ mod report;
 mod tables;
 
 pub use choice::interpolation_between;
-pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held, range};
+pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held};
 pub use report::LeftOut;
 
 /// Declarations of the notes (warnings in reports) about sparse incoming directions.

@@ -1,12 +1,11 @@
 //! Smooth form with a divisor or a curve between incidences, and its extrapolation past the last incidence.
 
-use super::course::{Course, Lanes, MOST_LANES};
+use super::course::Course;
 use super::{Seen, SeenBlock, Smooth};
 use crate::domain::vector::Vector;
-use crate::evaluate::between::{FOUR, MOST_BEYOND, NO_WEIGHT, held, range};
-use crate::evaluate::elements::{NODES, Patches};
+use crate::evaluate::between::{MOST_BEYOND, NO_WEIGHT};
 use crate::evaluate::incoming::middles::Entries;
-use crate::evaluate::incoming::{Nodes, Origin, carried, carried_to_four};
+use crate::evaluate::incoming::{Nodes, carried};
 use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
 use crate::numeric::wide;
@@ -79,99 +78,17 @@ impl Smooth {
     /// inlined, because each kind of query would compile its eight versions again.
     #[inline(never)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
-        if !course.has_curve() {
-            let factor = course.divisor(seen.wi, seen.wo);
-            return wide(
-                #[inline(always)]
-                || {
-                    let mut mixed = self.straight(entry, seen);
-                    let factor = held_past_last(course, entry, seen, factor, &mixed.row[..self.width]);
-                    course.shift(&mut mixed.row, factor);
-                    mixed
-                },
-            );
-        }
+        let factor = course.divisor(seen.wi, seen.wo);
         wide(
             #[inline(always)]
-            || match (self.width, course.is_wide()) {
-                (4, false) => self.at_between_in::<4, 1>(course, entry, seen),
-                (8, false) => self.at_between_in::<8, 1>(course, entry, seen),
-                (12, false) => self.at_between_in::<12, 1>(course, entry, seen),
-                (_, false) => self.at_between_in::<MOST_PLANES, 1>(course, entry, seen),
-                (4, true) => self.at_between_in::<4, 2>(course, entry, seen),
-                (8, true) => self.at_between_in::<8, 2>(course, entry, seen),
-                (12, true) => self.at_between_in::<12, 2>(course, entry, seen),
-                (_, true) => self.at_between_in::<MOST_PLANES, 2>(course, entry, seen),
+            || {
+                let mut mixed =
+                    if course.has_curve() { self.along_curve(course, entry, seen) } else { self.straight(entry, seen) };
+                let factor = held_past_last(course, entry, seen, factor, &mixed.row[..self.width]);
+                course.shift(&mut mixed.row, factor);
+                mixed
             },
         )
-    }
-
-    /// Interpolates spectral coefficients for a pair of directions, as [`Smooth::at_between`] does, compiled for
-    /// `WIDTH` coefficients and for `GROUPS` (1 or 2) groups of four interpolation nodes over incoming directions.
-    #[inline(always)]
-    fn at_between_in<const WIDTH: usize, const GROUPS: usize>(
-        &self,
-        course: &Course,
-        entry: usize,
-        seen: &Seen,
-    ) -> Mixed {
-        let &Seen { around, wi, wo } = seen;
-        let Lanes { nodes, linear, curve } = course.lanes(&self.nodes, &around);
-        let origin = Origin::new(wi);
-        let is_used = |k: usize| linear[k] > 0.0 || curve.is_some_and(|weights| weights[k] != 0.0);
-        let mut rows = [[0.0_f32; WIDTH]; MOST_LANES];
-        let (mut shares, mut worths) = ([1.0_f32; MOST_LANES], [0.0_f32; MOST_LANES]);
-        let (mut live, mut known) = (0.0, 0.0);
-        for group in 0..GROUPS {
-            let nodes_here: [u32; FOUR] = std::array::from_fn(|k| nodes[group * FOUR + k]);
-            let to = nodes_here.map(|node| self.origins[node as usize]);
-            let (there, worth) = carried_to_four(self.alignment, self.domain, origin, to, wo);
-            let mut patches = Patches::<FOUR>::NOWHERE;
-            self.elements.write(there, &mut patches, 0);
-            let worth = worth.to_array();
-            for (lane, k) in (group * FOUR..).take(FOUR).enumerate().filter(|(_, k)| is_used(*k)) {
-                worths[k] = worth[lane];
-                let base = (entry * self.node_count + nodes[k] as usize) * self.elements.len();
-                let mut known_share = 1.0;
-                if !self.presence.is_empty() {
-                    (shares[k], known_share) = self.presence_in(base, &patches, lane);
-                }
-                rows[k] = self.row_in::<WIDTH>(base, &patches, lane);
-                let weight = linear[k] * worths[k];
-                if known_share > 0.0 {
-                    known += weight;
-                    live += weight * shares[k];
-                } else {
-                    shares[k] = 0.0;
-                }
-            }
-        }
-        let lanes = 0..GROUPS * FOUR;
-        let mut row = [0.0; MOST_PLANES];
-        for k in lanes.clone() {
-            let weight = linear[k] * worths[k] * shares[k];
-            row.iter_mut().zip(rows[k]).for_each(|(sum, value)| *sum += weight * value);
-        }
-        // Weights are small where all nodes lose weight: the threshold of a negligible one scales with them.
-        let scale = 1.0 / lanes.clone().map(|k| linear[k] * worths[k]).sum::<f32>();
-        for value in &mut row {
-            *value *= scale;
-        }
-        let mut mixed = Mixed::settled(row, live * scale, known * scale);
-        if let Some(weights) = curve {
-            // Falls back to linear interpolation where a node loses weight or has no light.
-            let used = lanes.clone().filter(|&k| weights[k] != 0.0);
-            let worth = used.fold(1.0_f32, |least, k| least.min(worths[k]).min(shares[k]));
-            for (plane, value) in mixed.row.iter_mut().enumerate().take(WIDTH) {
-                let sum: f32 = lanes.clone().map(|k| weights[k] * rows[k][plane]).sum();
-                let mixed = lanes.clone().filter(|&k| linear[k] > 0.0);
-                *value += worth * (held(sum, range(mixed.map(|k| rows[k][plane]))) - *value);
-            }
-        }
-        let factor = course.divided.one(origin.direction, wo.map(|x| x as f32));
-        let factor = held_past_last(course, entry, seen, factor, &mixed.row[..WIDTH]);
-        course.shift(&mut mixed.row, factor);
-        mixed
     }
 
     /// Multiplies the interpolated coefficients of a block of queries by the divisor (model divided out before
@@ -185,20 +102,6 @@ impl Smooth {
             let factor = held_past_last(course, entry, &seen.get(i), factors[i], &to.row[..self.width]);
             course.shift(&mut to.row, factor);
         }
-    }
-
-    /// Spectral coefficients at one outgoing direction, interpolated in the table of one incoming direction. SIMD lane
-    /// number `lane` of `patches` holds the six nodes around the outgoing direction and their weights.
-    #[inline(always)]
-    fn row_in<const WIDTH: usize>(&self, base: usize, patches: &Patches<FOUR>, lane: usize) -> [f32; WIDTH] {
-        let table = self.values.as_chunks::<WIDTH>().0;
-        let mut row = [0.0; WIDTH];
-        for node in 0..NODES {
-            let weight = patches.weights[node][lane];
-            let values = &table[base + patches.nodes[node][lane] as usize];
-            row.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-        }
-        row
     }
 }
 

@@ -36,7 +36,7 @@ enum Curve {
 
 /// Number of SIMD lanes for the interpolation nodes around an incoming direction: enough for the six of a quadratic,
 /// rounded up to two vectors of four.
-pub(super) const MOST_LANES: usize = 2 * FOUR;
+const MOST_LANES: usize = 2 * FOUR;
 
 /// Incoming directions around a queried one at which values are tabulated (interpolation nodes), one for each SIMD
 /// lane; lanes with weight 0 are unused.
@@ -46,6 +46,14 @@ pub(super) struct Lanes {
     pub(super) linear: [f32; MOST_LANES],
     /// Weights of the interpolation nodes on the cubic or quadratic curve; `None` if interpolation is linear.
     pub(super) curve: Option<[f32; MOST_LANES]>,
+}
+
+impl Lanes {
+    /// Returns true if interpolation node number `k` has a weight other than 0.
+    #[inline(always)]
+    pub(super) fn is_used(&self, k: usize) -> bool {
+        self.linear[k] > 0.0 || self.curve.is_some_and(|weights| weights[k] != 0.0)
+    }
 }
 
 impl Course {

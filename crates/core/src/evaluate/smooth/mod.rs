@@ -16,6 +16,7 @@
 mod between;
 mod cell_means;
 mod course;
+mod curved;
 mod moving;
 mod tables;
 #[cfg(test)]
@@ -86,6 +87,17 @@ pub(super) struct SeenBlock {
     patches: [Patches<BLOCK>; 3],
 }
 
+/// Incoming directions of a block of queries, prepared for queries: all x, all y, all z, then cosines and sines of all
+/// azimuths.
+type Origins = [[f32; BLOCK]; 5];
+
+#[inline(always)]
+fn write_origin(origins: &mut Origins, i: usize, Origin { direction: [x, y, z], azimuth: [cos, sin] }: Origin) {
+    for (to, number) in origins.iter_mut().zip([x, y, z, cos, sin]) {
+        to[i] = number;
+    }
+}
+
 impl SeenBlock {
     /// Initial scratch space for a block of queries; every value is overwritten before it is read.
     pub(super) const NOTHING: Self = Self {
@@ -104,8 +116,22 @@ impl SeenBlock {
     }
 
     fn get(&self, i: usize) -> Seen {
-        let around = Around { nodes: self.nodes_of(i), weights: self.weights.map(|weights| weights[i]), count: 3 };
-        Seen { around, wi: vector_of(&self.wi, i), wo: vector_of(&self.wo, i) }
+        Seen { around: self.around(i), wi: vector_of(&self.wi, i), wo: vector_of(&self.wo, i) }
+    }
+
+    #[inline(always)]
+    fn around(&self, i: usize) -> Around {
+        Around { nodes: self.nodes_of(i), weights: self.weights.map(|weights| weights[i]), count: 3 }
+    }
+
+    /// Incoming directions prepared for queries: all x, all y, all z, then cosines and sines of all azimuths.
+    #[inline(always)]
+    fn origins(&self) -> Origins {
+        let mut origins = [[0.0; BLOCK]; 5];
+        for i in 0..BLOCK {
+            write_origin(&mut origins, i, Origin::new(vector_of(&self.wi, i)));
+        }
+        origins
     }
 
     #[inline]
@@ -237,28 +263,15 @@ impl Smooth {
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;
-        let is_single = self.course.as_ref().is_some_and(|course| course.has_curve());
-        if is_single || is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
-            // Curves use other nodes, and the alignment differs above and below the horizon.
+        if is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
+            // The alignment differs above and below the horizon.
             to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
             return;
         }
-        let count = if matches!(self.nodes, Nodes::One | Nodes::Same(_)) { 1 } else { 3 };
-        wide(
-            #[inline(always)]
-            || {
-                known(
-                    alignment,
-                    #[inline(always)]
-                    |alignment| self.look_up_block(alignment, is_whole, count, seen),
-                );
-                let SeenBlock { patches: [a, b, c], weights, .. } = &*seen;
-                for (i, to) in to.iter_mut().enumerate() {
-                    let tables = self.tables(entry, seen.nodes_of(i));
-                    *to = self.gather(count, tables, [a, b, c], [i; 3], [weights[0][i], weights[1][i], weights[2][i]]);
-                }
-            },
-        );
+        match &self.course {
+            Some(course) if course.has_curve() => self.block_along_curve(alignment, course, entry, seen, to),
+            _ => self.straight_block(alignment, entry, seen, to),
+        }
         if let Some(course) = &self.course {
             wide(
                 #[inline(always)]
@@ -267,42 +280,80 @@ impl Smooth {
         }
     }
 
+    /// Writes the spectral coefficients of the first `to.len()` queries of a block, interpolated linearly between
+    /// incoming directions; those of quotients if there is a divisor.
+    #[inline(always)]
+    fn straight_block(&self, alignment: Alignment, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
+        let count = if matches!(self.nodes, Nodes::One | Nodes::Same(_)) { 1 } else { 3 };
+        wide(
+            #[inline(always)]
+            || {
+                known(
+                    alignment,
+                    #[inline(always)]
+                    |alignment| self.look_up_block(alignment, count, seen),
+                );
+                let SeenBlock { patches: [a, b, c], weights, .. } = &*seen;
+                for (i, to) in to.iter_mut().enumerate() {
+                    let tables = self.tables(entry, seen.nodes_of(i));
+                    *to = self.gather(count, tables, [a, b, c], [i; 3], [weights[0][i], weights[1][i], weights[2][i]]);
+                }
+            },
+        );
+    }
+
     /// For each query of a block (batch evaluated together) and each of the `count` incoming nodes around it: moves the
     /// outgoing direction with the lobe to that node and writes the interpolation patch there. Multiplies the node's
     /// interpolation weight by the factor that the alignment of lobes gives.
     #[inline(always)]
-    fn look_up_block(&self, alignment: Alignment, is_free: bool, count: usize, seen: &mut SeenBlock) {
-        let mut origins = [[0.0; BLOCK]; 5];
-        for i in 0..BLOCK {
-            let Origin { direction: [x, y, z], azimuth: [cos, sin] } = Origin::new(vector_of(&seen.wi, i));
-            for (to, number) in origins.iter_mut().zip([x, y, z, cos, sin]) {
-                to[i] = number;
-            }
-        }
+    fn look_up_block(&self, alignment: Alignment, count: usize, seen: &mut SeenBlock) {
+        let origins = seen.origins();
         let wo = seen.wo.map(|numbers| numbers.map(|x| x as f32));
         for ((patches, weights), nodes) in seen.patches.iter_mut().zip(&mut seen.weights).zip(&seen.nodes).take(count) {
-            let mut to = [[0.0; BLOCK]; 5];
-            if alignment != Alignment::None {
-                for i in 0..BLOCK {
-                    let Origin { direction: [x, y, z], azimuth: [cos, sin] } = self.origins[nodes[i] as usize];
-                    for (to, number) in to.iter_mut().zip([x, y, z, cos, sin]) {
-                        to[i] = number;
+            self.carry_block(
+                alignment,
+                [&origins, &self.origins_of(alignment, |i| nodes[i])],
+                &wo,
+                #[inline(always)]
+                |i, there, worth| {
+                    self.elements.write(there, patches, i);
+                    weights[i] *= worth;
+                    for shares in &mut patches.weights {
+                        shares[i] *= weights[i];
                     }
-                }
-            }
+                },
+            );
+        }
+    }
+
+    /// Incoming directions of one interpolation node for each query of a block, prepared for queries. Not set if lobes
+    /// do not move.
+    #[inline(always)]
+    fn origins_of(&self, alignment: Alignment, node: impl Fn(usize) -> u32) -> Origins {
+        let mut origins = [[0.0; BLOCK]; 5];
+        if alignment != Alignment::None {
             for i in 0..BLOCK {
-                let at = |of: &[[f32; BLOCK]; 5]| Origin {
-                    direction: [of[0][i], of[1][i], of[2][i]],
-                    azimuth: [of[3][i], of[4][i]],
-                };
-                let (there, worth) =
-                    carried_to(alignment, is_free, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
-                self.elements.write(there, patches, i);
-                weights[i] *= worth;
-                for shares in &mut patches.weights {
-                    shares[i] *= weights[i];
-                }
+                write_origin(&mut origins, i, self.origins[node(i) as usize]);
             }
+        }
+        origins
+    }
+
+    /// Moves the outgoing directions of a block of queries with their lobes from one incoming direction to another.
+    /// Passes each query's number, the direction there, and the factor on the other's interpolation weight to `work`.
+    #[inline(always)]
+    fn carry_block(
+        &self,
+        alignment: Alignment,
+        [from, to]: [&Origins; 2],
+        wo: &[[f32; BLOCK]; 3],
+        mut work: impl FnMut(usize, [f32; 3], f32),
+    ) {
+        let is_free = self.domain == Domain::Sphere;
+        for i in 0..BLOCK {
+            let at = |of: &Origins| Origin { direction: [of[0][i], of[1][i], of[2][i]], azimuth: [of[3][i], of[4][i]] };
+            let (there, worth) = carried_to(alignment, is_free, at(from), at(to), [wo[0][i], wo[1][i], wo[2][i]]);
+            work(i, there, worth);
         }
     }
 
