@@ -23,14 +23,23 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 fn main() -> Outcome<()> {
     let corpus = PathBuf::from(std::env::args().nth(1).ok_or("the directory of the corpora is missing")?);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let materials = materials(&root)?;
+    let golden = golden(&root)?;
+    let materials = [materials(&root)?, golden.clone()].concat();
     for target in ["decode", "decode_sealed", "decode_prefix", "decode_block", "material"] {
         save(&corpus.join(target), &materials)?;
     }
-    let on_grids = grids()?;
-    save(&corpus.join("grids"), &on_grids)?;
+    save(&corpus.join("grids"), &[grids()?, golden].concat())?;
     save(&corpus.join("formats"), &files(&root)?)?;
     Ok(())
+}
+
+/// The container's golden files, among which each kind of chunk is.
+fn golden(root: &Path) -> Outcome<Vec<Vec<u8>>> {
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(root.join("tests/container/golden"))?.map(|entry| Ok(entry?.path())).collect::<Outcome<_>>()?;
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "wlm"));
+    files.sort();
+    files.iter().map(|file| Ok(fs::read(file)?)).collect()
 }
 
 fn save(directory: &Path, seeds: &[Vec<u8>]) -> Outcome<()> {

@@ -26,6 +26,7 @@ fn letter(chunk: &str) -> u8 {
         "interpolation chunk" => b'V',
         "lobe chunk" => b'A',
         "classes chunk" => b'C',
+        "wide classes chunk" => b'D',
         "basis chunk" => b'B',
         "pyramid chunk" => b'P',
         "grid chunk" => b'G',

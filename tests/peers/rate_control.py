@@ -55,14 +55,13 @@ def arrays(binary, out, names):
     for name in run_peers.NAMES:
         if not names or name in names:
             yield name, run_peers.make(name, options)
-    files = [name for name in names if name not in run_peers.NAMES]
-    if files or not names:
-        for name, path, manifest, floor in grids.sources(out, files):
-            if manifest is not None:
-                with open(path[: -len(".npy")] + ".axes.json", "w") as file:
-                    json.dump(manifest, file)
-            if floor is None:
-                yield f"{name} (file)", path
+    for source in grids.sources(out):
+        if source.floor or names and source.name not in names:
+            continue
+        if source.manifest is not None:
+            with open(source.path[: -len(".npy")] + ".axes.json", "w") as file:
+                json.dump(source.manifest, file)
+        yield f"{source.name} (file)", source.path
 
 
 def main():
