@@ -14,6 +14,7 @@ use super::metric::Trial;
 use super::sized::{finest, sized_steps};
 use super::steps::{Fineness, Steps};
 use crate::domain::Progress;
+use std::ops::RangeInclusive;
 
 /// Selection penalty: noise variance of a coefficient chosen by magnitude, as a multiple of that of one chosen
 /// beforehand. Raising it keeps fewer coefficients.
@@ -34,9 +35,14 @@ const FEW_SAMPLES: usize = 1 << 20;
 /// doubling apart.
 const NEAR: i32 = 9;
 
-/// Extra widths of the quantiser's zero bin tried on small grids, in sixteenths of a step. Each is tried with seven
-/// quantiser steps: every third of those near the step found.
-const DEAD_ZONES: [u8; 3] = [1, 2, 3];
+/// Coarser quantiser steps tried with each width of the zero bin, in 1/72 of a doubling above the best so far. Behind
+/// steps at which the error of a small file is too large, it may fall again.
+const FAR: RangeInclusive<i32> = NEAR + 6..=4 * NEAR;
+/// Multiple of the wanted error from which coarser steps are not tried.
+const FAR_OFF: f64 = 1.2;
+
+/// Extra widths of the quantiser's zero bin tried on small grids, in sixteenths of a step.
+const DEAD_ZONES: [u8; 4] = [0, 1, 2, 3];
 
 /// Largest number of spectral basis vectors tried beyond those that the quantiser step suggests. Raising it costs
 /// trials.
@@ -191,8 +197,8 @@ pub(super) fn refined(
 }
 
 /// Finds the smallest file on a grid of angles that keeps the wanted error, among quantiser steps, numbers of basis
-/// vectors and zero-bin widths near `steps`. Only small files are refined, as their errors are not monotone in the
-/// step.
+/// vectors and zero-bin widths near `steps`, and at coarser steps. Only small files are refined: their errors are not
+/// monotone in the step.
 ///
 /// Errors of large files are monotone and their trials take long, so `steps` is returned for them.
 fn refined_grid(
@@ -206,16 +212,24 @@ fn refined_grid(
         return Ok(steps);
     }
     let mut decoded = vec![0.0; candidate.original().len()];
-    let mut look_around = |from: Fineness, stride: usize, best: &mut (usize, Fineness)| {
-        for place in (-NEAR..=NEAR).step_by(stride) {
-            let fineness = from.at(from.step * libm::exp2(f64::from(place) / 72.0) as f32);
-            let bytes = chunk_bytes(&candidate.layer.chunks(fineness));
-            if bytes < best.0 && candidate.relative_error(fineness, &mut decoded, progress)? <= error {
-                *best = (bytes, fineness);
+    let near = -NEAR..=NEAR;
+    let mut look_around =
+        |from: Fineness, (places, stride): (&RangeInclusive<i32>, usize), best: &mut (usize, Fineness)| {
+            for place in places.clone().step_by(stride) {
+                let fineness = from.at(from.step * libm::exp2(f64::from(place) / 72.0) as f32);
+                let bytes = chunk_bytes(&candidate.layer.chunks(fineness));
+                if bytes >= best.0 {
+                    continue;
+                }
+                let found = candidate.relative_error(fineness, &mut decoded, progress)?;
+                if found <= error {
+                    *best = (bytes, fineness);
+                } else if place > NEAR && found > FAR_OFF * error {
+                    break;
+                }
             }
-        }
-        Ok::<(), CompressError>(())
-    };
+            Ok::<(), CompressError>(())
+        };
     let has_basis = candidate.layer.basis() == SpectralBasis::Klt;
     let choices: &[(i8, i8)] = if has_basis { &[(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)] } else { &[(0, 0)] };
     for &(vectors, coarser) in choices {
@@ -224,11 +238,18 @@ fn refined_grid(
             coarser_vectors: best.1.coarser_vectors + coarser,
             ..best.1
         };
-        look_around(from, 1, &mut best)?;
+        look_around(from, (&near, 1), &mut best)?;
     }
-    let from = best.1;
-    for dead_zone in DEAD_ZONES {
-        look_around(Fineness { dead_zone, ..from }, 3, &mut best)?;
+    loop {
+        let from = best.1;
+        for dead_zone in DEAD_ZONES {
+            look_around(Fineness { dead_zone, ..from }, (&near, 3), &mut best)?;
+            look_around(Fineness { dead_zone, ..from }, (&FAR, 6), &mut best)?;
+        }
+        if best.1 == from {
+            break;
+        }
+        look_around(best.1, (&near, 1), &mut best)?;
     }
     Ok(Steps { first: best.1, ..steps })
 }
