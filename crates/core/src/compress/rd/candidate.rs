@@ -83,7 +83,7 @@ impl<'a> Candidate<'a> {
                     random: settings.random_access,
                     step: *step,
                 };
-                Box::new(GridLayer::new(axes, shape.clone(), coded, &logs(), form)?)
+                Box::new(GridLayer::new(axes, shape.clone(), coded, logs(), form)?)
             }
             Scheme::Fixed(basis) => {
                 let layer = FixedLayer::new(axes, coded, *basis, logs());

@@ -132,7 +132,7 @@ impl<'a> GridLayer<'a> {
         axes: &[Axis],
         shape: Shape,
         classes: Option<&'a [Class]>,
-        values: &[f32],
+        values: Vec<f32>,
         form: Form,
     ) -> Result<Self, SettingError> {
         let length = shape.length();
@@ -150,7 +150,11 @@ impl<'a> GridLayer<'a> {
         };
         let mut opening = Encoder::default();
         let planes = Planes::code(&mut opening, shape, (form.random, form.klt, form.weighs_negative), Some(&same));
-        let kept = planes.leaves_of(values, divided.as_ref());
+        let kept = planes.leaves_of(&values, divided.as_ref());
+        let negative_bound =
+            classes.filter(|_| !form.weighs_negative).and_then(|classes| largest_negative(classes, &values));
+        // Large arrays are copied several times below.
+        drop(values);
         let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
         let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
         let typical: Vec<f32> = match &klt {
@@ -173,9 +177,7 @@ impl<'a> GridLayer<'a> {
         let mut layer = Self {
             axes: axes.to_vec(),
             classes,
-            negative_bound: classes
-                .filter(|_| !form.weighs_negative)
-                .and_then(|classes| largest_negative(classes, values)),
+            negative_bound,
             transforms: vec![AxisTransform::Identity; axes.len()],
             sources: None,
             last: LastCoded::default(),
@@ -199,9 +201,10 @@ impl<'a> GridLayer<'a> {
             let model = model.prepared(layer.planes.live_leaves(&weights));
             let planes = Some((&*typical, streams));
             let coefficients = model.code(&mut Encoder::default(), form.step as f32, vectors, planes, &mut 0);
-            let mut missed = typical.clone();
-            subtract(&mut missed, &model.all(&coefficients, vectors, streams));
+            let mut missed = model.all(&coefficients, vectors, streams);
+            missed.iter_mut().zip(&typical).for_each(|(model, x)| *model = x - *model);
             let (order, left) = order_of(&layer.planes, &missed);
+            drop(missed);
             let is_judged = form.model == Behind::Judged;
             if !is_judged || left < WORTH_A_TRIAL * bits {
                 let mut opening = repeats.clone();

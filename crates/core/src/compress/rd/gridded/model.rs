@@ -8,6 +8,8 @@ use std::ops::Range;
 /// Position and mask, in the first byte of a grid chunk, of the bits that hold the kind of scattering model.
 const AT: u8 = 4;
 const KINDS: u8 = 3;
+/// Number of incoming directions whose values are evaluated together, then reordered.
+const TURNED: usize = 32;
 
 /// Scattering model of the samples on grids of incoming and outgoing angles.
 pub(super) struct GridModel {
@@ -65,8 +67,20 @@ impl GridModel {
     /// Evaluates the scattering model for all incoming directions, in the layout of one byte stream or of a byte stream
     /// for each of them.
     pub(super) fn all(&self, coefficients: &[f64], vectors: usize, streams: usize) -> Vec<f32> {
-        let planes = self.entries(coefficients, vectors, 0..self.shape[0]);
-        self.turned_back(planes, (vectors, streams > 1))
+        let [incoming, outgoing] = self.shape;
+        if streams > 1 {
+            return self.entries(coefficients, vectors, 0..incoming);
+        }
+        // From [incoming, channel, outgoing] to [channel, incoming, outgoing], some at a time, as a copy is large.
+        let mut all = vec![0.0; vectors * incoming * outgoing];
+        for first in (0..incoming).step_by(TURNED) {
+            let entries = self.entries(coefficients, vectors, first..(first + TURNED).min(incoming));
+            for (row, values) in entries.chunks_exact(outgoing).enumerate() {
+                let (entry, vector) = (first + row / vectors, row % vectors);
+                all[(vector * incoming + entry) * outgoing..][..outgoing].copy_from_slice(values);
+            }
+        }
+        all
     }
 
     /// Evaluates the scattering model for a range of incoming directions. Returns values `[incoming, channel,
@@ -81,14 +95,13 @@ impl GridModel {
     fn turned(&self, planes: &[f32], (vectors, is_turned): (usize, bool)) -> Vec<f32> {
         if is_turned { planes.to_vec() } else { exchanged(planes, [vectors, self.shape[0], self.shape[1]]) }
     }
-
-    fn turned_back(&self, planes: Vec<f32>, (vectors, is_turned): (usize, bool)) -> Vec<f32> {
-        if is_turned { planes } else { exchanged(&planes, [self.shape[0], vectors, self.shape[1]]) }
-    }
 }
 
 /// Exchanges the first two axes of an array of rows of `length` numbers, from `[a, b, length]` to `[b, a, length]`.
 fn exchanged(values: &[f32], [a, b, length]: [usize; 3]) -> Vec<f32> {
-    let row = |at: usize| &values[at * length..][..length];
-    (0..b).flat_map(|j| (0..a).flat_map(move |i| row(i * b + j))).copied().collect()
+    let mut exchanged = Vec::with_capacity(values.len());
+    for row in (0..b).flat_map(|j| (0..a).map(move |i| i * b + j)) {
+        exchanged.extend_from_slice(&values[row * length..][..length]);
+    }
+    exchanged
 }

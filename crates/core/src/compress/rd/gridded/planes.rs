@@ -107,11 +107,12 @@ impl Planes {
     /// logarithms then.
     pub(super) fn leaves_of(&self, values: &[f32], divided: Option<&DividedRows>) -> Vec<f32> {
         let n = self.length();
-        let divisor = |row: usize| divided.map_or(0.0, |divided| divided.of_row(row));
-        let rows = self.first.iter().map(|&row| row as usize);
-        rows.flat_map(|row| values[row * n..][..n].iter().map(move |value| (row, value)))
-            .map(|(row, value)| value - divisor(row))
-            .collect()
+        let mut leaves = Vec::with_capacity(self.leaves() * n);
+        for row in self.first.iter().map(|&row| row as usize) {
+            let divisor = divided.map_or(0.0, |divided| divided.of_row(row));
+            leaves.extend(values[row * n..][..n].iter().map(|value| value - divisor));
+        }
+        leaves
     }
 
     /// Collects spectra for the principal component analysis: at most about `most` values, from directions spread

@@ -17,36 +17,54 @@ pub(crate) fn order_of_halvings(
     step: f64,
 ) -> (Vec<u8>, f64) {
     let leaves = grid.lengths().iter().product::<usize>();
-    let mut values: Vec<Vec<f64>> =
-        planes.chunks_exact(leaves).map(|plane| plane.iter().map(|&x| f64::from(x)).collect()).collect();
+    let count = planes.len() / leaves;
+    // Means after the halvings so far; none before the first, as a copy of all values in f64 takes much memory.
+    let mut halved: Vec<Vec<f64>> = Vec::new();
+    let values = |halved: &[Vec<f64>], plane: usize| {
+        let given = || planes[plane * leaves..][..leaves].iter().map(|&x| f64::from(x)).collect();
+        halved.get(plane).cloned().unwrap_or_else(given)
+    };
     let mut weights: Vec<Vec<f32>> = weights.chunks_exact(leaves).map(<[f32]>::to_vec).collect();
     let mut lengths = grid.lengths();
     let (mut order, mut all_bits) = (Vec::new(), 0.0);
     loop {
         let axes: Vec<usize> = (0..AXES).filter(|&axis| lengths[axis] > 1).collect();
-        let mut best: Option<(f64, f64, usize, Vec<Vec<f64>>)> = None;
-        for &axis in &axes {
+        let set = |plane: usize| (plane / run.max(1)).min(weights.len() - 1);
+        let cost = |axis: usize| {
             let circle = grid.lines[axis].period.is_some() && lengths[axis].is_multiple_of(2);
-            let (mut bits, mut count) = (0.0, 0_u64);
-            let mut means = values.clone();
-            for (plane, means) in means.iter_mut().enumerate() {
-                let weights = &weights[(plane / run.max(1)).min(weights.len() - 1)];
-                let mut details = Vec::new();
-                halve(means, weights, (lengths, axis), |parent, detail, weight| details.push((parent, detail, weight)));
-                if axes.len() > 1 {
-                    bits += cost(&details, means, (lengths, axis, circle), step);
-                    count += details.len() as u64;
-                }
+            let (mut bits, mut details) = (0.0, 0_u64);
+            for plane in 0..count {
+                let (weights, mut own) = (&weights[set(plane)], values(&halved, plane));
+                let mut means = own.clone();
+                halve(&mut means, weights, (lengths, axis), |_, _, _| ());
+                let mut cost = Cost::new(&means, (lengths, axis, circle), step);
+                halve(&mut own, weights, (lengths, axis), |parent, detail, weight| {
+                    cost.add(parent, detail, weight);
+                    details += 1;
+                });
+                bits += cost.bits();
             }
-            let mean = bits / count.max(1) as f64;
-            if best.as_ref().is_none_or(|(least, ..)| mean < *least) {
-                best = Some((mean, bits, axis, means));
-            }
-        }
-        let Some((_, bits, axis, means)) = best else { return (order, all_bits) };
+            (bits / details.max(1) as f64, bits)
+        };
+        let costs = match axes.as_slice() {
+            // Nothing is to be chosen.
+            [only] => vec![(*only, (0.0, 0.0))],
+            several => several.iter().map(|&axis| (axis, cost(axis))).collect(),
+        };
+        let Some((axis, (_, bits))) = costs.into_iter().reduce(|best, one| if one.1.0 < best.1.0 { one } else { best })
+        else {
+            return (order, all_bits);
+        };
         all_bits += bits;
         order.push(axis as u8);
-        values = means;
+        halved = (0..count)
+            .map(|plane| {
+                let mut means = values(&halved, plane);
+                halve(&mut means, &weights[set(plane)], (lengths, axis), |_, _, _| ());
+                means.shrink_to_fit();
+                means
+            })
+            .collect();
         for weights in &mut weights {
             *weights = sums(weights, lengths, axis);
         }
@@ -54,23 +72,33 @@ pub(crate) fn order_of_halvings(
     }
 }
 
-/// Estimates the bits for coding the differences δ of merged neighbours as Σ log₂(1 + |δ − prediction|·√W / q), with W
-/// the weight of the difference and q the quantiser step.
+/// Estimate of the bits for coding the differences δ of merged neighbours along one axis: the sum of
+/// log₂(1 + |δ − prediction|·√W / q), with W the weight of the difference and q the quantiser step.
 ///
-/// An entry of `details` is (merged node, δ, W). The prediction is a quarter of the next minus the previous node's
-/// mean; beyond an end of the axis, means are extrapolated linearly.
-fn cost(
-    details: &[(usize, f64, f64)],
-    means: &[f64],
-    (children, axis, circle): ([usize; AXES], usize, bool),
+/// The prediction is a quarter of the next minus the previous node's mean; beyond an end of the axis, means are
+/// extrapolated linearly.
+struct Cost<'a> {
+    /// Means of the merged nodes.
+    means: &'a [f64],
+    /// Number of merged nodes along the axis, and product of the lengths of the axes behind it.
+    parents: usize,
+    behind: usize,
+    circle: bool,
     step: f64,
-) -> f64 {
-    let behind = children[axis + 1..].iter().product::<usize>();
-    let parents = children[axis].div_ceil(2);
-    let mut bits = 0.0;
-    // One logarithm of a product replaces many logarithms.
-    let mut product = 1.0;
-    for &(parent, detail, weight) in details {
+    bits: f64,
+    /// One logarithm of a product replaces many logarithms.
+    product: f64,
+}
+
+impl<'a> Cost<'a> {
+    fn new(means: &'a [f64], (children, axis, circle): ([usize; AXES], usize, bool), step: f64) -> Self {
+        let behind = children[axis + 1..].iter().product::<usize>();
+        Self { means, parents: children[axis].div_ceil(2), behind, circle, step, bits: 0.0, product: 1.0 }
+    }
+
+    /// Adds the bits for the difference `detail`, of weight `weight`, of the neighbours that node `parent` merges.
+    fn add(&mut self, parent: usize, detail: f64, weight: f64) {
+        let &mut Self { means, parents, behind, circle, step, .. } = self;
         let at = parent / behind % parents;
         let own = means[parent];
         let side = |by: isize| {
@@ -85,13 +113,16 @@ fn cost(
             (None, None) => (own, own),
         };
         let residual = (detail - (after - before) / 4.0).abs() * weight.sqrt() / step;
-        product *= 1.0 + residual.min(1e30);
-        if product > 1e200 {
-            bits += libm::log2(product);
-            product = 1.0;
+        self.product *= 1.0 + residual.min(1e30);
+        if self.product > 1e200 {
+            self.bits += libm::log2(self.product);
+            self.product = 1.0;
         }
     }
-    bits + libm::log2(product)
+
+    fn bits(self) -> f64 {
+        self.bits + libm::log2(self.product)
+    }
 }
 
 /// Encodes or decodes the order in which the axes of a grid are halved down to one entry each; any bytes decode to some
