@@ -266,7 +266,9 @@ def small_files(arrays):
 
 def equal_threads(binary, scratch, arrays):
     """Checks that bytes are equal on any number of threads, on every run."""
-    files = small_files(arrays) + [(arrays[name], []) for name in ("brdf_wood", "brdf_aniso")]
+    # One of each way to code: grids of angles, colours, spectra on triangles, and spectra alone.
+    files = [("data/aerolamp.ies", []), ("data/carpaint_blue.mbsdf", []), ("data/illuminant_D65.csv", []),
+             ("data/colorchecker_n_ohta.csv", ["--quantity", "reflectance"]), (arrays["brdf_wood"], [])]
     for path, options in files:
         same = compressed_by(binary, scratch, path, 1, options) == compressed_by(binary, scratch, path, 5, options)
         check(same, f"{os.path.basename(path)}: 5 threads differ from one")
