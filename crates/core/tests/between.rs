@@ -457,6 +457,43 @@ fn under_measured_incidences_grids_keep_their_values_and_cells_their_averages() 
     assert!(plain.iter().zip(divided).all(|(plain, divided)| divided < plain + 0.5), "{plain:?} {divided:?}");
 }
 
+/// Returns a surface that also transmits light, the same from all incidences.
+fn through() -> Measurement {
+    let mesh = TriangleMesh::new(Domain::Sphere, 2).unwrap();
+    let light = |wo: Vector| if wo[2] < 0.0 { f64::exp(0.5 * wo[0]) } else { 0.3 };
+    let of_one: Vec<f32> = (0..mesh.len()).map(|i| light(mesh.centroid(i).xyz()) as f32).collect();
+    let axes = vec![Axis::Elevation(vec![0.0, 20.0, 40.0, 60.0]), Axis::Triangles(mesh)];
+    let tensor = Tensor::new(axes, of_one.repeat(4)).unwrap();
+    Measurement::new(Quantity::Bsdf, Unit::PerSteradian, Sampling::Average, tensor).unwrap()
+}
+
+#[test]
+fn both_sides_of_a_surface_that_does_not_change_stay_where_they_are() {
+    let source = through();
+    for cubic in [false, true] {
+        let between = Between { cubic, ..Between::default() };
+        let material = Material::with_between(source.clone(), between).unwrap();
+        let wo: Vec<Direction> =
+            (0..400).map(point).map(|[u, v]| Direction::from_degrees(180.0 * u, 360.0 * v)).collect();
+        let of = |theta: f64| {
+            let wi = vec![Direction::from_degrees(theta, 0.0); wo.len()];
+            let mut batch = vec![0.0; wo.len()];
+            let pairs = Pairs { index: &[], wi: Some(Directions::of(&wi)), wo: Some(Directions::of(&wo)) };
+            material.spectra(pairs, Interpolation::Smooth, &mut batch).unwrap();
+            for ((&wi, &wo), found) in wi.iter().zip(&wo).zip(&batch) {
+                let mut single = [0.0];
+                let place = Place { index: &[], wi: Some(wi), wo: Some(wo) };
+                material.evaluate(place, Interpolation::Smooth, &mut single).unwrap();
+                assert!((found / single[0] - 1.0).abs() < 2e-5, "{cubic} {wi:?} {wo:?}: {found} {single:?}");
+            }
+            batch
+        };
+        for (between, at) in of(33.0).iter().zip(of(20.0)) {
+            assert!((between / at - 1.0).abs() < 1e-4, "{cubic}: {between} {at}");
+        }
+    }
+}
+
 #[test]
 fn batches_answer_as_single_calls_do() {
     let (_, surface) = SURFACES[4];

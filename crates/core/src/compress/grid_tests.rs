@@ -190,7 +190,7 @@ fn every_target_holds_on_every_grid() {
             (Target::Step(0.1), 0.1),
             (Target::Lossless, 0.0),
         ];
-        for (target, bound) in one_in(2, number % 2, targets) {
+        for (target, bound) in one_in(2, (number + number / 2) % 2, targets) {
             let e = check(&m, &settings(target, Policy::Rd)).summary.errors;
             let found = match target {
                 Target::ErL1(_) => e.er_l1,
@@ -476,7 +476,7 @@ fn a_level_that_leaves_out_more_halvings_than_there_are_is_refused() {
 
 #[test]
 fn the_light_of_every_incoming_entry_is_kept() {
-    for m in one_in(5, 0, materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())])) {
+    for m in one_in(5, 1, materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())])) {
         let has_incoming = m.tensor.axes().iter().position(|axis| matches!(axis, Axis::Grid(_))) > Some(0);
         for random_access in [false, true] {
             let plain = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };

@@ -415,8 +415,8 @@ pub(super) fn carried_to_four(
     let stays = wo.map(|x| f32x4::splat(x as f32));
     // Only a phase function rotates on the whole sphere; it has no horizon.
     let is_free = domain == Domain::Sphere && alignment == Alignment::Rotation;
-    // Light transmitted through a surface rotates.
-    let lower = domain == Domain::Sphere && wo[2] < 0.0;
+    // Light transmitted through a surface rotates, unless nothing moves.
+    let lower = domain == Domain::Sphere && wo[2] < 0.0 && alignment != Alignment::None;
     let alignment = if lower { Alignment::Rotation } else { alignment };
     carried_to(alignment, is_free, wi.everywhere(), Origin::four(to), stays)
 }

@@ -153,7 +153,7 @@ impl<'a> GridLayer<'a> {
         let kept = planes.leaves_of(&values, divided.as_ref());
         let negative_bound =
             classes.filter(|_| !form.weighs_negative).and_then(|classes| largest_negative(classes, &values));
-        // Large arrays are copied several times below.
+        // Freed before further copies are made, as they are large.
         drop(values);
         let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
         let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
