@@ -28,7 +28,8 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Initial scratch space for a block of queries; every value is overwritten before it is read.
+    /// Initial scratch space for a block of queries. In a block that is not full, the entries behind its last query are
+    /// computed like the others, and the results are ignored.
     pub(super) const NEW: Self = Self { arrived: Arrived::NEW, seen: SeenBlock::NOTHING };
 
     #[inline(always)]

@@ -1,5 +1,5 @@
-//! Smooth form along curves between incidences: a cubic or a quadratic through the nodes around each of one or many
-//! queries.
+//! Interpolation between incidences along curves, for one query or a block of them: cubics in the polar angle of
+//! incidence, quadratics over triangles of incoming directions.
 
 use super::course::{Course, Lanes};
 use super::{Seen, SeenBlock, Smooth};
@@ -153,9 +153,9 @@ impl Smooth {
         }
     }
 
-    /// Spectral coefficients at the nodes of one query, mixed along the curve. `at(k)` returns where to interpolate in
-    /// the table of incoming node `k`, and the SIMD lane that holds it. The linear mean takes the place of the curve
-    /// where a node loses weight or has no light.
+    /// Spectral coefficients at the nodes of one query, mixed along the curve. `at(k)` returns the outgoing nodes
+    /// and their weights in the table of incoming node `k`, and the SIMD lane that holds this query's. Linear
+    /// interpolation takes the place of the curve where an incoming node loses weight or has no light.
     #[inline(always)]
     fn curved<'a, const WIDTH: usize, const COUNT: usize, const N: usize>(
         &self,

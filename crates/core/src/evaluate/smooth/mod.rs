@@ -99,7 +99,8 @@ fn write_origin(origins: &mut Origins, i: usize, Origin { direction: [x, y, z], 
 }
 
 impl SeenBlock {
-    /// Initial scratch space for a block of queries; every value is overwritten before it is read.
+    /// Initial scratch space for a block of queries. In a block that is not full, the entries behind its last query are
+    /// computed like the others, and the results are ignored.
     pub(super) const NOTHING: Self = Self {
         nodes: [[0; BLOCK]; 3],
         weights: [[0.0; BLOCK]; 3],
@@ -177,8 +178,8 @@ impl Smooth {
     }
 
     /// Spectral coefficients at an outgoing direction, interpolated in the table of one incoming node, with the
-    /// fraction of the interpolation weight that lies on nonzero triangles. If samples are divided by a
-    /// function before interpolation, the coefficients are those of the quotient.
+    /// fraction of the interpolation weight that lies on nonzero triangles. If samples are divided by a function before
+    /// interpolation, the coefficients are those of the quotient.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
         let mut patches = Patches::<1>::NOWHERE;
         self.elements.write(d.map(|x| x as f32), &mut patches, 0);
@@ -339,8 +340,9 @@ impl Smooth {
         origins
     }
 
-    /// Moves the outgoing directions of a block of queries with their lobes from one incoming direction to another.
-    /// Passes each query's number, the direction there, and the factor on the other's interpolation weight to `work`.
+    /// Moves the outgoing directions of a block of queries with their lobes, from the incoming directions `from` to
+    /// those of `to`. Calls `work` with the number of each query, the moved direction, and a factor on the
+    /// interpolation weight of the incoming direction to which it moved.
     #[inline(always)]
     fn carry_block(
         &self,
