@@ -455,7 +455,7 @@ mod tests {
             }),
             spectral: None,
             outside: Outside::Zero,
-            values: vec![1.0, 2.0, 3.0, 4.0, f32::NAN, 0.5],
+            values: vec![1.0, 2.0, 3.0, 4.0, f32::NAN, 0.5].into(),
             stated: None,
             sigma: None,
         };

@@ -116,7 +116,7 @@ fn readings(document: &Value, wi: Direction, wos: &[Direction], incoming: usize)
         let Acquisition { samples: Samples::Grid(grid), .. } = data::acquire(document.to_string().as_bytes())? else {
             return Err(PaperError::Data("a goniometer without angles".to_owned()));
         };
-        samples.extend(grid.values);
+        samples.extend(grid.values.iter());
     }
     Ok(samples)
 }

@@ -222,6 +222,31 @@ fn a_size_is_kept_and_a_floor_helps() {
 }
 
 #[test]
+fn what_lies_near_a_noisy_floor_stays_within_it() {
+    let axes = [
+        Axis::Elevation(every(15.0, 5)),
+        grid(Frame::Surface, every(6.0, 15), Some((every(10.0, 36), AzimuthExtent::Circle))),
+    ];
+    for noise in [0.3, 1.5] {
+        let m = with_samples(&measured(Quantity::Brdf, &axes, noise), |s| {
+            s.iter().enumerate().map(|(i, &s)| if i % 97 == 5 { 0.0 } else { s - 0.5 }).collect()
+        });
+        let largest = m.tensor.range().unwrap().1;
+        for (target, share) in [(Target::ErL2(0.05), 2.0), (Target::ErL2(0.01), 5.0), (Target::Bytes(1500), 3.0)] {
+            let floored = Settings { floor: Some(f64::from(share / largest)), ..settings(target, Policy::Rd) };
+            let file = check(&m, &floored);
+            assert!(file.summary.errors.below_floor_samples > 200, "{}", file.summary.errors.below_floor_samples);
+            assert!(file.summary.errors.max_absolute_error_unscored <= file.summary.floor);
+            let decoded = decode(&file.bytes).unwrap().measurement;
+            for (&s, &found) in m.tensor.samples().iter().zip(decoded.tensor.samples()) {
+                assert!(if s <= 0.0 { found <= 0.0 } else { found >= 0.0 }, "{s} {found}");
+                assert!(s != 0.0 || found == 0.0, "{found}");
+            }
+        }
+    }
+}
+
+#[test]
 fn what_repeats_costs_little() {
     let m = lamp(0.1);
     let bytes = |m: &Measurement| check(m, &settings(Target::ErL2(0.01), Policy::Rd)).bytes.len();

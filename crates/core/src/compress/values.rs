@@ -11,10 +11,6 @@ use crate::codec::Class;
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// Fraction of the floor (smallest sample whose relative error counts) to which smaller positive samples are raised
-/// before coding, so that their absolute error stays below the floor.
-const FLOORED: f64 = 0.7;
-
 /// Returns true if every sample is above 0, so that none is masked.
 pub(crate) fn all_positive(samples: &[f32]) -> bool {
     let block = |samples: &[f32]| {
@@ -77,26 +73,25 @@ impl Values {
     }
 
     /// Returns the value (logarithm or sample) that a file should approximate for a sample; NaN for zero and masked
-    /// ones.
-    pub(crate) fn wanted(self, sample: f32, class: Class, floor: f32) -> f64 {
+    /// ones. A magnitude below `least` is raised to it before its logarithm is taken.
+    pub(crate) fn wanted(self, sample: f32, class: Class, least: f64) -> f64 {
         match (class, self) {
             (Class::Zero | Class::Masked, _) => f64::NAN,
             (_, Self::Samples { .. }) => f64::from(sample),
-            (_, Self::Logarithms) => libm::log(f64::from(sample.abs()).max(FLOORED * f64::from(floor))),
+            (_, Self::Logarithms) => libm::log(f64::from(sample.abs()).max(least)),
         }
     }
 
-    /// Computes for many samples the values (logarithms or samples) that a file should approximate; NaN for zero and
-    /// masked ones.
-    pub(crate) fn wanted_of_all(self, samples: &[f32], classes: &[Class], floor: f32, wanted: &mut [f32]) {
+    /// Computes for many samples the values (logarithms or samples) that a file should approximate, as
+    /// [`Values::wanted`] does for one.
+    pub(crate) fn wanted_of_all(self, samples: &[f32], classes: &[Class], least: f64, wanted: &mut [f32]) {
         const BLOCK: usize = 256;
         if self.is_linear() {
             for ((wanted, &s), &class) in wanted.iter_mut().zip(samples).zip(classes) {
-                *wanted = self.wanted(s, class, floor) as f32;
+                *wanted = self.wanted(s, class, least) as f32;
             }
             return;
         }
-        let least = FLOORED * f64::from(floor);
         let mut magnitudes = [0.0; BLOCK];
         let blocks = samples.chunks(BLOCK).zip(classes.chunks(BLOCK));
         for (wanted, (samples, classes)) in wanted.chunks_mut(BLOCK).zip(blocks) {

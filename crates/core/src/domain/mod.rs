@@ -26,6 +26,7 @@ mod option;
 mod progress;
 mod quantity;
 mod schema;
+mod shared;
 mod tensor;
 mod triangles;
 pub mod vector;
@@ -54,6 +55,7 @@ pub use quantity::{Quantity, Sampling, Unit, UnknownName};
 #[cfg(feature = "schema")]
 #[doc(hidden)]
 pub use schema::{object_of, one_of, schema_of, values_of};
+pub use shared::Shared;
 #[doc(hidden)]
 pub use tensor::first_where;
 pub use tensor::{Measurement, Tensor, TensorError};

@@ -2,14 +2,14 @@
 
 use super::axis::{Axis, AxisError, Layout, check_axes};
 use super::quantity::{Quantity, Sampling, Unit};
-use std::sync::Arc;
+use super::shared::Shared;
 
 /// Tensor of `f32` samples on axes: row-major, last axis contiguous. NaN always means masked (unmeasured). Clones share
 /// the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     axes: Vec<Axis>,
-    samples: Arc<Vec<f32>>,
+    samples: Shared,
 }
 
 /// Reasons why axes and samples do not form a tensor.
@@ -47,6 +47,11 @@ impl Tensor {
     /// Creates a tensor after checking its axes, the number of samples and that none is infinite. NaN marks masked
     /// samples.
     pub fn new(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Self, TensorError> {
+        Self::sharing(axes, samples.into())
+    }
+
+    /// Creates a tensor, after the checks of [`Tensor::new`], of samples that others hold, too. None is copied.
+    pub fn sharing(axes: Vec<Axis>, samples: Shared) -> Result<Self, TensorError> {
         let expected = check_axes(&axes)?;
         if samples.len() != expected {
             let shape = axes.iter().map(Axis::len).collect();
@@ -55,7 +60,7 @@ impl Tensor {
         if let Some(index) = first_where(&samples, f32::is_infinite) {
             return Err(TensorError::Infinite { index });
         }
-        Ok(Self { axes, samples: Arc::new(samples) })
+        Ok(Self { axes, samples })
     }
 
     /// Returns the axes of the tensor, outermost first.
@@ -75,7 +80,7 @@ impl Tensor {
 
     /// Returns the samples of the tensor, which are copied only if another tensor shares them.
     pub fn into_samples(self) -> Vec<f32> {
-        Arc::unwrap_or_clone(self.samples)
+        self.samples.into_vec()
     }
 
     /// Returns the number of samples of the tensor; at least 1.

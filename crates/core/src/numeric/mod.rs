@@ -12,6 +12,7 @@ pub(crate) mod dense;
 #[cfg(test)]
 pub(crate) mod drawn;
 pub mod exponential;
+pub(crate) mod least_cut;
 pub(crate) mod least_squares;
 pub(crate) mod logarithm;
 pub(crate) mod number;

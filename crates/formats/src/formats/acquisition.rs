@@ -3,7 +3,7 @@
 use super::instrument::Instrument;
 use super::stated_grid::StatedGrid;
 use crate::domain::vector::{Vector, unit};
-use crate::domain::{Axis, Direction, Note, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use crate::domain::{Axis, Direction, Note, Quantity, Sampling, Shared, Tensor, Unit, WavelengthGrid};
 use serde::Serialize;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -144,8 +144,8 @@ pub struct AngleGrid {
     pub spectral: Option<Axis>,
     /// Value of the grid at directions outside its angles: 0, or masked.
     pub outside: Outside,
-    /// Measured values, row-major in the order of the axes; NaN = missing.
-    pub values: Vec<f32>,
+    /// Measured values, row-major in the order of the axes; NaN = missing. Clones and tensors of the grid share them.
+    pub values: Shared,
     /// Grid of angles as the file lists it, if its angles were unfolded, merged or resampled on reading: see
     /// [`AngleGrid::as_stated`].
     pub stated: Option<Box<StatedGrid>>,

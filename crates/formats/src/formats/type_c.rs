@@ -82,7 +82,7 @@ pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuth
         outgoing: Some(Angles { theta, covers, phi }),
         spectral: None,
         outside: Outside::Zero,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     }

@@ -148,6 +148,10 @@ fn compressed(
     let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });
     let mut compressed = light::compress(&measurement, stated, &settings, progress)?;
     if on_grid {
+        if compress::levels(&compressed.bytes).is_ok_and(|levels| levels.len() > 1) {
+            // Decoded again below: the errors of levels take as much memory.
+            compressed = compressed.without_samples();
+        }
         compressed.bytes = state_levels(std::mem::take(&mut compressed.bytes), &measurement).map_err(opened)?;
     }
     // Frees the measurement: evaluation needs the memory.

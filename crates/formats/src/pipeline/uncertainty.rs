@@ -43,7 +43,7 @@ fn is_stated(value: f32, sigma: f32) -> bool {
 pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     let (values, sigma) = match &acquisition.samples {
         Samples::Scattered(scattered) => (&scattered.values, scattered.sigma.as_ref()?),
-        Samples::Grid(grid) => (&grid.values, &grid.sigma.as_ref()?.values),
+        Samples::Grid(grid) => (&*grid.values, &*grid.sigma.as_ref()?.values),
         Samples::OnAxes { .. } | Samples::Function(_) => return None,
     };
     let (mut sum, mut count) = (0.0, 0_u64);

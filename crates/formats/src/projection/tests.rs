@@ -63,7 +63,7 @@ fn brdf(f: impl Fn(Direction, Direction, usize) -> f32) -> Acquisition {
         outgoing: Some(outgoing),
         spectral: Some(Axis::Rgb),
         outside: Outside::Masked,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     };
@@ -256,7 +256,7 @@ fn isotropic_elevations_stay_and_transmission_goes_down() {
         outgoing: Some(outgoing),
         spectral: None,
         outside: Outside::Masked,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     };
@@ -299,7 +299,7 @@ fn scan(phi_i: f64, phi_o: Vec<f64>, extent: AzimuthExtent) -> Acquisition {
         outgoing,
         spectral: None,
         outside: Outside::Masked,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     };
@@ -526,7 +526,7 @@ fn errors_of_another_files_tensor_are_none() {
     let projected = project(&lamp, &triangles()).unwrap();
     let mut coloured = lamp.clone();
     grid_of(&mut coloured).spectral = Some(Axis::Rgb);
-    grid_of(&mut coloured).values = vec![1.0; 42 * 3];
+    grid_of(&mut coloured).values = vec![1.0; 42 * 3].into();
     assert_eq!(error_at_samples(&coloured, &projected.measurement), None);
 }
 

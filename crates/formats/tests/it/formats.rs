@@ -140,7 +140,7 @@ fn a_radiometric_luminaire_is_not_called_candela() {
 }
 
 fn grid_values(acquisition: &Acquisition) -> Vec<f32> {
-    grid(acquisition).values.clone()
+    grid(acquisition).values.to_vec()
 }
 
 #[test]

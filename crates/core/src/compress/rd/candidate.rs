@@ -64,7 +64,7 @@ impl<'a> Candidate<'a> {
         (floor, tally): (f32, &'a Tally),
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
-        let logs = || approximated(measurement, plane, floor);
+        let logs = move || approximated(measurement, plane);
         let coded = plane.coded.map(|_| plane.classes);
         let layer: Box<dyn FirstLayer + 'a> = match scheme {
             Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs())?),
@@ -83,7 +83,7 @@ impl<'a> Candidate<'a> {
                     random: settings.random_access,
                     step: *step,
                 };
-                Box::new(GridLayer::new(axes, shape.clone(), coded, logs(), form)?)
+                Box::new(GridLayer::new(axes, shape.clone(), coded, logs, form)?)
             }
             Scheme::Fixed(basis) => {
                 let layer = FixedLayer::new(axes, coded, *basis, logs());
@@ -120,12 +120,16 @@ impl<'a> Candidate<'a> {
     }
 
     /// Computes the magnitudes of the samples that a decoder gets with this quantiser setting.
-    pub(super) fn magnitudes(&self, fineness: Fineness, values: &mut [f32]) {
+    pub(super) fn magnitudes(&self, fineness: Fineness) -> Vec<f32> {
+        self.layer.prepare(fineness);
+        let mut values = vec![0.0; self.original().len()];
         if self.light.is_none() {
-            return self.layer.magnitudes(fineness, self.plane.values, values);
+            self.layer.magnitudes(fineness, self.plane.values, &mut values);
+        } else {
+            self.approximate(fineness, &mut values);
+            self.plane.values.finish(&mut values);
         }
-        self.approximate(fineness, values);
-        self.plane.values.finish(values);
+        values
     }
 
     /// Computes the numbers of correction steps to add to the decoded logarithms of each incoming direction and
@@ -144,6 +148,7 @@ impl<'a> Candidate<'a> {
     /// Encodes the corrections of albedo or flux; `None` if no error of light is bounded.
     fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
         let (light, step) = self.light.as_ref()?;
+        self.layer.prepare(fineness);
         let mut values = vec![0.0; self.original().len()];
         self.layer.approximate(fineness, &mut values);
         let mut steps = self.light_steps(light, *step, &values);
@@ -153,31 +158,27 @@ impl<'a> Candidate<'a> {
     }
 
     /// Returns the relative RMS error er(L2) of the samples decoded with this quantiser setting.
-    pub(super) fn relative_error(
-        &self,
-        fineness: Fineness,
-        decoded: &mut [f32],
-        progress: &dyn Progress,
-    ) -> Result<f64, CompressError> {
+    pub(super) fn relative_error(&self, fineness: Fineness, progress: &dyn Progress) -> Result<f64, CompressError> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        self.magnitudes(fineness, decoded);
+        let decoded = self.magnitudes(fineness);
         if self.plane.coded.is_none() {
-            return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
+            return Ok(ErrorReport::measure(self.original(), &decoded, f64::from(self.floor)).er_l2);
         }
-        Ok(magnitude_error(self.original(), decoded, self.plane.classes, self.floor))
+        Ok(magnitude_error(self.original(), &decoded, self.plane.classes, self.floor))
     }
 
     /// Encodes for every sample the multiple of the correction step that takes the value decoded from coefficients
     /// nearest to the original. `None` if a value decoded from coefficients is not finite.
     pub(super) fn corrections_chunk(&self, steps: Steps) -> Option<(ChunkKind, Vec<u8>)> {
+        self.layer.prepare(steps.first);
         let mut logs = vec![0.0; self.original().len()];
         self.layer.approximate(steps.first, &mut logs);
         if !logs.iter().all(|log| log.is_finite()) {
             return None;
         }
-        let (values, floor) = (self.plane.values, self.floor);
+        let ClassPlane { values, least, .. } = self.plane;
         let is_bounded = self.layer.negative_bound().is_some();
         let mut corrections: Vec<i32> = self
             .original()
@@ -185,7 +186,7 @@ impl<'a> Candidate<'a> {
             .zip(&logs)
             .zip(self.plane.classes)
             .map(|((&s, &value), &class)| {
-                let wanted = values.wanted(s, class, floor);
+                let wanted = values.wanted(s, class, least);
                 // On grids, negative samples may be bounded instead of approximated.
                 if wanted.is_nan() || is_bounded && class == Class::Negative {
                     return 0;

@@ -59,6 +59,32 @@ pub(crate) struct Chart {
     live: Option<Vec<bool>>,
 }
 
+/// Values of all pairs of an incoming and an outgoing direction, in rows of all outgoing directions: one for each
+/// incoming direction and each channel (wavelength or spectral coefficient).
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    values: &'a [f32],
+    /// Numbers of rows from an incoming direction to the next, and from a channel to the next.
+    strides: [usize; 2],
+}
+
+impl<'a> Rows<'a> {
+    /// Values `[incoming, channel, outgoing]`.
+    pub(crate) fn by_block(values: &'a [f32], channels: usize) -> Self {
+        Self { values, strides: [channels, 1] }
+    }
+
+    /// Values `[channel, incoming, outgoing]`.
+    pub(crate) fn by_channel(values: &'a [f32], incoming: usize) -> Self {
+        Self { values, strides: [1, incoming] }
+    }
+
+    /// Row of `outgoing` values of an incoming direction and a channel.
+    fn of(&self, incoming: usize, channel: usize, outgoing: usize) -> &'a [f32] {
+        &self.values[(incoming * self.strides[0] + channel * self.strides[1]) * outgoing..][..outgoing]
+    }
+}
+
 impl Chart {
     /// Builds the scattering model of `kind` on the coded (representative) blocks of a tensor of triangles; `None` if
     /// the tensor lacks the directions.
@@ -145,15 +171,13 @@ impl Chart {
         gram
     }
 
-    /// Fits the coefficients of the orthonormal basis functions to values `[incoming, channel, outgoing]`, for each
-    /// spectral channel.
-    fn fit(&self, fitted: &GramFactor, planes: &[f32], vectors: usize) -> Vec<f64> {
+    /// Fits the coefficients of the orthonormal basis functions to the values of each channel.
+    fn fit(&self, fitted: &GramFactor, values: Rows<'_>, vectors: usize) -> Vec<f64> {
         let (n, leaves) = (self.columns.count(), self.outgoing.len());
         let stride = self.stride(FITTED_ROWS);
-        let parts: Vec<Vec<f64>> = planes
-            .par_chunks(vectors * leaves)
-            .enumerate()
-            .map(|(block, planes)| {
+        let parts: Vec<Vec<f64>> = (0..self.incoming.len())
+            .into_par_iter()
+            .map(|block| {
                 let mut sums = vec![0.0; vectors * n];
                 let mut entries = [Entries::new(); LANES];
                 let (first, end) = ((block * leaves).next_multiple_of(stride), (block + 1) * leaves);
@@ -161,8 +185,9 @@ impl Chart {
                     let rows = (at..end).step_by(stride).take(LANES);
                     self.fill(rows.clone(), &mut entries);
                     for (row, entries) in rows.zip(&entries).filter(|(row, _)| self.is_live(*row)) {
-                        for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
-                            let x = f64::from(plane[row - block * leaves]) * stride as f64;
+                        for (vector, sums) in sums.chunks_exact_mut(n).enumerate() {
+                            let x = values.of(block, vector, leaves)[row - block * leaves];
+                            let x = f64::from(x) * stride as f64;
                             entries.add(x, sums);
                         }
                     }
@@ -225,17 +250,17 @@ impl Chart {
     }
 
     /// Encodes or decodes the scattering model's coefficients, quantised with `step`, and returns them. Only an encoder
-    /// passes `planes`: the values to which it fits the model, `[incoming, channel, outgoing]`.
+    /// passes `values`, to which it fits the model.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
         step: f32,
         vectors: usize,
-        planes: Option<&[f32]>,
+        values: Option<Rows<'_>>,
         kept: &mut u64,
     ) -> Vec<f64> {
         let step = f64::from(step);
-        let wanted = planes.zip(self.fitted.as_ref()).map(|(planes, fitted)| self.fit(fitted, planes, vectors));
+        let wanted = values.zip(self.fitted.as_ref()).map(|(values, fitted)| self.fit(fitted, values, vectors));
         let n = self.columns.count();
         let mut details = DetailCoder::default();
         let mut decoded = vec![0.0; vectors * n];
@@ -313,7 +338,7 @@ mod tests {
         let planes: Vec<f32> = incoming.iter().flat_map(|wi| outgoing.iter().map(move |wo| lobe(wi, wo))).collect();
         for live in [None, Some(vec![true; planes.len()])] {
             let chart = Chart::new(ChartKind::Isotropic, incoming.clone(), outgoing.clone(), GRID_ROWS).prepared(live);
-            let coefficients = chart.code(&mut Encoder::default(), 0.01, 1, Some(&planes), &mut 0);
+            let coefficients = chart.code(&mut Encoder::default(), 0.01, 1, Some(Rows::by_block(&planes, 1)), &mut 0);
             let model = chart.evaluate(coefficients, 1, chart.all());
             let worst = planes.iter().zip(&model).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst < 0.05, "{worst}");

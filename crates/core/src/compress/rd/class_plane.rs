@@ -15,6 +15,8 @@ pub(super) struct ClassPlane<'a> {
     /// Encoded classes of all samples; `None` if all samples are positive.
     pub(super) coded: Option<&'a (ChunkKind, Vec<u8>)>,
     pub(super) counts: ErrorReport,
+    /// Magnitude to which smaller ones are raised before they are coded; 0 to raise none.
+    pub(super) least: f64,
     /// True if negative samples on grids of angles are approximated as exactly as positive ones. If false, they take a
     /// predicted magnitude that is at most the largest magnitude of a negative sample.
     pub(super) weighs_negative: bool,
@@ -23,13 +25,13 @@ pub(super) struct ClassPlane<'a> {
 }
 
 /// Values (logarithms or samples) that quantised coefficients approximate, filled smoothly at zero and masked samples.
-pub(super) fn approximated(measurement: &Measurement, plane: ClassPlane<'_>, floor: f32) -> Vec<f32> {
+pub(super) fn approximated(measurement: &Measurement, plane: ClassPlane<'_>) -> Vec<f32> {
     let samples = measurement.tensor.samples();
     let mut values = vec![0.0_f32; samples.len()];
     let block = 1 << 14;
     values.par_chunks_mut(block).zip(samples.par_chunks(block)).zip(plane.classes.par_chunks(block)).for_each(
         |((values, samples), classes)| {
-            plane.values.wanted_of_all(samples, classes, floor, values);
+            plane.values.wanted_of_all(samples, classes, plane.least, values);
         },
     );
     fill(measurement.tensor.axes(), &mut values);

@@ -4,7 +4,7 @@ use super::spectrum::Basis;
 use super::steps::Fineness;
 use crate::codec::{ChunkKind, Encoder};
 use rayon::prelude::*;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// Result of coding a measurement with one quantiser setting, before the decoded light (albedo, flux) or single samples
 /// are corrected to keep their error bounds.
@@ -14,6 +14,8 @@ pub(super) struct Coded {
     /// Decoded values `[unit, channel, direction]`, where a unit is an independently coded slice and a channel a
     /// spectral coefficient.
     pub(super) planes: Vec<f32>,
+    /// Coefficients of the scattering model that is yet to be added to `planes`; most trials end before that.
+    pub(super) model: Option<Vec<f64>>,
     /// Number of nonzero quantised integers, including those of the spectral basis.
     pub(super) kept: u64,
 }
@@ -21,21 +23,22 @@ pub(super) struct Coded {
 /// Cache of the last quantiser setting with its coded result, because a search asks for size and error of it one after
 /// the other.
 #[derive(Default)]
-pub(super) struct LastCoded(Mutex<Option<(Fineness, Arc<Coded>)>>);
+pub(super) struct LastCoded(Mutex<Option<(Fineness, Coded)>>);
 
 impl LastCoded {
-    /// Returns the measurement coded with the quantiser setting `fineness` (step, number of spectral vectors). Reuses
-    /// the result of the last call if the setting is the same, otherwise calls `code`.
-    pub(super) fn get(&self, fineness: Fineness, code: impl FnOnce() -> Coded) -> Arc<Coded> {
+    /// Passes the measurement coded with the quantiser setting `fineness` (step, number of spectral vectors) to `read`.
+    /// Reuses the result of the last call if the setting is the same, otherwise calls `code`.
+    pub(super) fn with<T>(
+        &self,
+        fineness: Fineness,
+        code: impl FnOnce() -> Coded,
+        read: impl FnOnce(&mut Coded) -> T,
+    ) -> T {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*last {
-            Some((known, coded)) if *known == fineness => Arc::clone(coded),
-            _ => {
-                let coded = Arc::new(code());
-                *last = Some((fineness, Arc::clone(&coded)));
-                coded
-            }
-        }
+        // Freed before the next result takes as much.
+        let known = last.take().filter(|(known, _)| *known == fineness);
+        let (_, coded) = last.insert(known.unwrap_or_else(|| (fineness, code())));
+        read(coded)
     }
 }
 

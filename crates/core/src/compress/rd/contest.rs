@@ -47,7 +47,6 @@ pub(super) fn best_of<'a>(
     // The best candidate itself, kept if it needs little memory.
     let mut best_work = None;
     let mut shared = None;
-    let mut decoded = if by_error { vec![0.0; samples] } else { Vec::new() };
     let mut refused = Vec::new();
     let (schemes, start) = match target {
         Target::Bytes(_) if schemes.len() > FEW_SCHEMES && samples <= SMALL => looked_at(work, schemes, progress)?,
@@ -83,14 +82,13 @@ pub(super) fn best_of<'a>(
         let levels = if candidate.has_levels() { levels::usual_bytes(candidate.measurement) } else { 0 };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
         let errors = if by_error {
-            let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
+            let error = candidate.relative_error(steps.first, progress)?;
             if !error.is_finite() {
                 refused.push((f64::INFINITY, UnreachableError::Overflow));
                 continue;
             }
             // The file nearest to the truth is not the one nearest to the noisy measurement.
-            let risk =
-                if target == Target::Auto { risk(&candidate, steps, &mut decoded, progress)?.sqrt() } else { error };
+            let risk = if target == Target::Auto { risk(&candidate, steps, progress)?.sqrt() } else { error };
             Some((error, risk))
         } else {
             None
@@ -140,8 +138,7 @@ fn looked_at<'a, 's>(
     for scheme in schemes_left {
         let candidate = work(scheme)?;
         let room = room(&candidate, steps, progress)?;
-        let mut decoded = vec![0.0; candidate.original().len()];
-        let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
+        let error = candidate.relative_error(steps.first, progress)?;
         others.push((error * libm::pow(room, exponent), scheme));
     }
     others.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -22,12 +22,15 @@ mod index;
 mod lattice;
 mod model;
 mod nodes;
+mod outline;
 mod planes;
 mod quantised;
+mod repeats;
 
 pub(crate) use coarser::{decode_level, levels_of, with_errors, with_levels};
 pub(crate) use decode::{Around, decode, decode_block, has_levels, is_random, negative_bound};
 pub(crate) use lattice::Shape;
+pub(crate) use outline::{Spent, outlined};
 
 use super::super::between::Divisor;
 use super::super::setting_error::SettingError;
@@ -47,8 +50,8 @@ use model::GridModel;
 use planes::Planes;
 use quantised::{bound_negative, quantiser};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::mem::replace;
-use std::sync::Arc;
 
 /// Returns the largest natural logarithm of a negative sample's magnitude, lowered by two f32 steps; `None` without
 /// negative samples.
@@ -60,10 +63,6 @@ fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
 /// Fraction of the estimated bits that must at most remain after subtraction of a scattering model for it to be tried.
 /// The estimate ignores the coder's gain from neighbouring details. Raising it tries more models.
 const WORTH_A_TRIAL: f64 = 0.97;
-
-fn subtract(planes: &mut [f32], model: &[f32]) {
-    planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
-}
 
 /// Choice of the scattering model that is subtracted from the values on a grid of angles before the residual is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,6 +99,20 @@ pub(super) struct Form {
     pub(super) step: f64,
 }
 
+/// Largest number of samples whose values are kept from one trial to the next. Raising it takes memory.
+const KEPT: usize = 1 << 20;
+
+/// Values (logarithms or samples) to be coded.
+enum Given<'a> {
+    /// Values of all distinct directions of a grid, `[directions, length of a spectrum]`.
+    Kept(Vec<f32>),
+    /// Function that computes the values of all directions anew. Those of a large table take as much memory as its
+    /// samples, and little time beside a trial.
+    Made(Box<dyn Fn() -> Vec<f32> + Sync + 'a>),
+    /// No values: means and details made of them are coded at any quantiser step.
+    Sources,
+}
+
 /// Samples on a grid of angles, prepared for coding at any quantiser step.
 pub(crate) struct GridLayer<'a> {
     axes: Vec<Axis>,
@@ -111,8 +124,7 @@ pub(crate) struct GridLayer<'a> {
     planes: Planes,
     transforms: Vec<AxisTransform>,
     klt: Option<Klt>,
-    /// Values of all distinct directions of the grid, `[directions, length of a spectrum]`.
-    values: Vec<f32>,
+    given: Given<'a>,
     pyramids: Vec<PairPyramid>,
     model: Option<GridModel>,
     divided: Option<DividedRows>,
@@ -125,16 +137,17 @@ pub(crate) struct GridLayer<'a> {
 }
 
 impl<'a> GridLayer<'a> {
-    /// Prepares values (logarithms or samples) for coding. The last direction axis in `axes` is a grid of angles,
-    /// usually of outgoing directions. `classes` tells which samples are positive, negative, zero or masked; `None` if
-    /// all are positive.
+    /// Prepares values (logarithms or samples), which `given` computes, for coding. The last direction axis in `axes`
+    /// is a grid of angles, usually of outgoing directions. `classes` tells which samples are positive, negative, zero
+    /// or masked; `None` if all are positive.
     pub(super) fn new(
         axes: &[Axis],
         shape: Shape,
         classes: Option<&'a [Class]>,
-        values: Vec<f32>,
+        given: impl Fn() -> Vec<f32> + Sync + 'a,
         form: Form,
     ) -> Result<Self, SettingError> {
+        let values = given();
         let length = shape.length();
         let allowed = shape.models();
         let divided = DividedRows::new(&shape, form.divisor).filter(DividedRows::is_usable);
@@ -150,30 +163,34 @@ impl<'a> GridLayer<'a> {
         };
         let mut opening = Encoder::default();
         let planes = Planes::code(&mut opening, shape, (form.random, form.klt, form.weighs_negative), Some(&same));
-        let kept = planes.leaves_of(&values, divided.as_ref());
         let negative_bound =
             classes.filter(|_| !form.weighs_negative).and_then(|classes| largest_negative(classes, &values));
-        // Freed before further copies are made, as they are large.
-        drop(values);
+        let is_large = values.len() > KEPT;
+        let kept = planes.leaves_of(values, divided.as_ref());
         let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
         let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
-        let typical: Vec<f32> = match &klt {
-            Some(klt) => {
-                let fineness = Fineness::of(form.step as f32);
-                let basis = Basis::encode(klt, axes, (planes.rows(), MAX_GRID_RANK), fineness).0;
-                planes.of_coefficients(&basis.analyse(&kept), basis.rank()).into_owned()
-            }
-            None => planes.of_lanes(&kept).into_owned(),
+        let typical = klt.as_ref().map(|klt| {
+            let fineness = Fineness::of(form.step as f32);
+            Basis::encode(klt, axes, (planes.rows(), MAX_GRID_RANK), fineness).0
+        });
+        let typical = typical.as_ref();
+        // Made anew wherever they are needed, as those of a large table take much memory.
+        let weights_of = |planes: &Planes| planes.weights(classes);
+        let vectors = typical.map_or(length, Basis::rank);
+        let order_of = |planes: &Planes, channels: &[f32]| {
+            let weights = weights_of(planes);
+            let run = channels.len() / weights.values.len();
+            order_of_halvings(planes.grid(), channels, (&weights.values, run), form.step)
         };
-        let weights = planes.weights(classes);
-        let run = typical.len() / weights.values.len();
-        let order_of = |planes: &Planes, typical: &[f32]| {
-            order_of_halvings(planes.grid(), typical, (&weights.values, run), form.step)
+        let (order, bits) = order_of(&planes, &planes.channels(&kept, typical));
+        let given = if is_large {
+            drop(kept);
+            Given::Made(Box::new(given))
+        } else {
+            Given::Kept(kept)
         };
-        let (order, bits) = order_of(&planes, &typical);
         let repeats = opening.clone();
         let order = code_order(&mut opening, planes.grid(), &order);
-        let pyramids = planes.pyramids(&order, &weights);
         let mut layer = Self {
             axes: axes.to_vec(),
             classes,
@@ -182,55 +199,84 @@ impl<'a> GridLayer<'a> {
             sources: None,
             last: LastCoded::default(),
             form,
+            pyramids: planes.pyramids(&order, &weights_of(&planes)),
             planes,
             klt,
-            values: kept,
-            pyramids,
+            given,
             model: None,
             divided,
             opening,
         };
-        let (vectors, streams) = (typical.len() / layer.planes.leaves(), layer.planes.streams());
+        let streams = layer.planes.streams();
         let kinds = match &form.model {
             Behind::Nothing => &[],
             Behind::Model(kind) => std::slice::from_ref(kind),
             Behind::Judged => allowed,
         };
+        let mut before = order;
         for &kind in kinds {
             let Some(model) = GridModel::new(kind, &layer.planes) else { continue };
-            let model = model.prepared(layer.planes.live_leaves(&weights));
-            let planes = Some((&*typical, streams));
-            let coefficients = model.code(&mut Encoder::default(), form.step as f32, vectors, planes, &mut 0);
-            let mut missed = model.all(&coefficients, vectors, streams);
-            missed.iter_mut().zip(&typical).for_each(|(model, x)| *model = x - *model);
-            let (order, left) = order_of(&layer.planes, &missed);
-            drop(missed);
+            let model = model.prepared(layer.planes.live_leaves(&weights_of(&layer.planes)));
+            let mut channels = layer.planes.channels(&layer.values(), typical).into_owned();
+            let all = Some((&*channels, streams));
+            let coefficients = model.code(&mut Encoder::default(), form.step as f32, vectors, all, &mut 0);
+            model.apply(&coefficients, (vectors, streams), &mut channels, |value, model| *value -= model);
+            let (order, left) = order_of(&layer.planes, &channels);
+            drop(channels);
             let is_judged = form.model == Behind::Judged;
             if !is_judged || left < WORTH_A_TRIAL * bits {
                 let mut opening = repeats.clone();
                 let order = code_order(&mut opening, layer.planes.grid(), &order);
-                let pyramids = layer.planes.pyramids(&order, &weights);
-                layer.take_model((model, is_judged), opening, pyramids);
+                if layer.take_model((model, is_judged), opening, [&before, &order]) {
+                    before = order;
+                }
             }
         }
         if layer.klt.is_none() && layer.model.is_none() {
-            layer.sources = Some(layer.sources_of(&typical, length));
+            layer.sources = Some(layer.sources_of(&layer.planes.channels(&layer.values(), None), length));
+            // Freed, as only the sources are coded.
+            layer.given = Given::Sources;
         }
         Ok(layer)
     }
 
     /// Adopts a scattering model that is subtracted from the values before coding, and the order of merging angles that
-    /// suits the residual. With `is_judged`, a model that makes the file at a typical quantiser step larger is
-    /// discarded again.
-    fn take_model(&mut self, (model, is_judged): (GridModel, bool), opening: Encoder, pyramids: Vec<PairPyramid>) {
+    /// suits the residual, the second of `orders`. With `is_judged`, a model that makes the file at a typical quantiser
+    /// step larger is discarded again, and the first of the orders restored. Returns true if the model was kept.
+    fn take_model(
+        &mut self,
+        (model, is_judged): (GridModel, bool),
+        opening: Encoder,
+        [before, after]: [&[u8]; 2],
+    ) -> bool {
         let bytes = |layer: &Self| {
             if is_judged { chunk_bytes(&layer.code(Fineness::of(layer.form.step as f32)).chunks) } else { 0 }
         };
-        let before = bytes(self);
+        let smallest = bytes(self);
         let model = self.model.replace(model);
-        let (opening, pyramids) = (replace(&mut self.opening, opening), replace(&mut self.pyramids, pyramids));
-        if bytes(self) > before {
-            (self.model, self.opening, self.pyramids) = (model, opening, pyramids);
+        let opening = replace(&mut self.opening, opening);
+        self.make_pyramids(after);
+        let is_kept = bytes(self) <= smallest;
+        if !is_kept {
+            (self.model, self.opening) = (model, opening);
+            self.make_pyramids(before);
+        }
+        is_kept
+    }
+
+    /// Replaces the coders of means over ever larger blocks by those of another order of merging angles.
+    fn make_pyramids(&mut self, order: &[u8]) {
+        // Freed before others take as much memory.
+        self.pyramids = Vec::new();
+        self.pyramids = self.planes.pyramids(order, &self.planes.weights(self.classes));
+    }
+
+    /// Values of all distinct directions of the grid, `[directions, length of a spectrum]`.
+    fn values(&self) -> Cow<'_, [f32]> {
+        match &self.given {
+            Given::Kept(values) => Cow::Borrowed(values),
+            Given::Sources => Cow::Borrowed(&[]),
+            Given::Made(given) => Cow::Owned(self.planes.leaves_of(given(), self.divided.as_ref())),
         }
     }
 
@@ -243,8 +289,8 @@ impl<'a> GridLayer<'a> {
         &self.pyramids[stream.min(self.pyramids.len() - 1)]
     }
 
-    fn coded(&self, fineness: Fineness) -> Arc<Coded> {
-        self.last.get(fineness, || self.code(fineness))
+    fn with_coded<T>(&self, fineness: Fineness, read: impl FnOnce(&mut Coded) -> T) -> T {
+        self.last.with(fineness, || self.code(fineness), read)
     }
 
     fn code(&self, fineness: Fineness) -> Coded {
@@ -255,31 +301,26 @@ impl<'a> GridLayer<'a> {
             basis
         });
         let vectors = basis.as_ref().map_or(self.planes.length(), Basis::rank);
-        let (mut opening, mut kept, mut model) = (self.opening.clone(), 0, None);
+        let (mut opening, mut kept, mut coefficients) = (self.opening.clone(), 0, None);
+        let layout = (vectors, self.planes.streams());
         let own = self.sources.is_none().then(|| {
-            let mut planes = match &basis {
-                Some(basis) => self.planes.of_coefficients(&basis.analyse(&self.values), vectors).into_owned(),
-                None => self.planes.of_lanes(&self.values).into_owned(),
-            };
-            model = self.model.as_ref().map(|model| {
-                let streams = self.planes.streams();
-                let all = Some((&*planes, streams));
-                let coefficients = model.code(&mut opening, fineness.step, vectors, all, &mut kept);
-                model.all(&coefficients, vectors, streams)
-            });
-            if let Some(model) = &model {
-                subtract(&mut planes, model);
+            let values = self.values();
+            let mut channels = self.planes.channels(&values, basis.as_ref());
+            if let Some(model) = &self.model {
+                let all = Some((&*channels, layout.1));
+                let fitted = model.code(&mut opening, fineness.step, vectors, all, &mut kept);
+                model.apply(&fitted, layout, channels.to_mut(), |value, model| *value -= model);
+                coefficients = Some(fitted);
             }
-            self.sources_of(&planes, vectors)
+            self.sources_of(&channels, vectors)
         });
-        let sources = own.as_deref().or(self.sources.as_deref()).unwrap_or_default();
         let count = self.planes.units() / self.planes.streams() * vectors;
         let quantiser = Quantiser {
             dead_zone: f64::from(fineness.dead_zone) / 16.0,
             ..quantiser(fineness.step, self.form.is_linear, self.form.learns)
         };
-        let code = |encoder: &mut Encoder, k: usize| {
-            self.pyramid(k).code(encoder, quantiser, (count, vectors), sources.get(k), 0)
+        let code = |encoder: &mut Encoder, k: usize, source: Option<Cow<'_, Source>>| {
+            self.pyramid(k).code(encoder, quantiser, (count, vectors), source, 0)
         };
         let mut w = Writer::default();
         let flags = [self.form.random, self.negative_bound.is_some(), !self.form.learns];
@@ -290,7 +331,9 @@ impl<'a> GridLayer<'a> {
         if let Some(largest) = self.negative_bound {
             w.f32(largest);
         }
-        let (mut planes, details) = if self.form.random {
+        let (planes, details) = if self.form.random {
+            let sources = own.as_deref().or(self.sources.as_deref()).unwrap_or_default();
+            let code = |encoder: &mut Encoder, k: usize| code(encoder, k, sources.get(k).map(Cow::Borrowed));
             let (planes, details, streams) = code_streams(self.planes.streams(), code);
             let opening = opening.finish();
             w.varint(opening.len() as u64);
@@ -299,24 +342,33 @@ impl<'a> GridLayer<'a> {
             (planes, details)
         } else {
             let mut encoder = opening;
-            let coded = code(&mut encoder, 0);
+            let kept = self.sources.as_deref().and_then(<[Source]>::first).map(Cow::Borrowed);
+            let source = own.and_then(|mut own| own.pop()).map(Cow::Owned).or(kept);
+            let coded = code(&mut encoder, 0, source);
             w.raw(&encoder.finish());
             coded
         };
         chunks.push((ChunkKind::Grid, w.into_bytes()));
-        if let Some(model) = &model {
-            planes.iter_mut().zip(model).for_each(|(x, m)| *x += m);
-        }
         // The entries of the basis count as kept coefficients.
         let kept = kept + details + basis.as_ref().map_or(0, |basis| basis.entries() as u64);
-        Coded { basis, chunks, planes, kept }
+        Coded { basis, chunks, planes, model: coefficients, kept }
     }
 }
 
 impl FirstLayer for GridLayer<'_> {
+    fn prepare(&self, fineness: Fineness) {
+        self.with_coded(fineness, |_| ());
+    }
+
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
-        let coded = self.coded(fineness);
-        self.planes.synthesise(coded.basis.as_ref(), &coded.planes, logs);
+        self.with_coded(fineness, |Coded { basis, planes, model, .. }| {
+            if let (Some(of), Some(coefficients)) = (&self.model, model.take()) {
+                let vectors = basis.as_ref().map_or(self.planes.length(), Basis::rank);
+                let layout = (vectors, self.planes.streams());
+                of.apply(&coefficients, layout, planes, |value, model| *value += model);
+            }
+            self.planes.synthesise(basis.as_ref(), planes, logs);
+        });
         if let Some(divided) = &self.divided {
             divided.restore(logs);
         }
@@ -324,11 +376,11 @@ impl FirstLayer for GridLayer<'_> {
     }
 
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
-        self.coded(fineness).chunks.clone()
+        self.with_coded(fineness, |coded| coded.chunks.clone())
     }
 
     fn kept(&self, fineness: Fineness) -> u64 {
-        self.coded(fineness).kept
+        self.with_coded(fineness, |coded| coded.kept)
     }
 
     fn transforms(&self) -> &[AxisTransform] {

@@ -14,6 +14,9 @@ use std::cell::Cell;
 
 /// Coder that approximates the logarithms of a measurement with any quantiser step.
 pub(crate) trait FirstLayer {
+    /// Codes with this quantiser setting, if the result is kept for later calls. To be called before a list of decoded
+    /// samples is made, so that the memory that coding takes is free by then.
+    fn prepare(&self, _fineness: Fineness) {}
     /// Writes the logarithms that a decoder gets with this quantiser setting into `logs`.
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]);
     /// Writes the magnitudes of samples that a decoder gets with this quantiser setting.
@@ -134,6 +137,10 @@ impl<'a> Counted<'a> {
 }
 
 impl FirstLayer for Counted<'_> {
+    fn prepare(&self, fineness: Fineness) {
+        self.tried(fineness).prepare(fineness);
+    }
+
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
         self.tried(fineness).approximate(fineness, logs);
     }

@@ -37,7 +37,7 @@ pub(super) struct Trial<'a, F> {
     pub(super) magnitudes: F,
 }
 
-impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
+impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
     /// Finds the largest quantiser step that keeps `target`, which must bound an error. If none does, `closest` is the
     /// smallest error found.
     pub(super) fn largest_step(
@@ -58,14 +58,13 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
         let samples = self.measurement.tensor.samples();
         let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
         let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
-        let mut decoded = vec![0.0; original.len()];
         let coarse = if self.linear { f64::INFINITY } else { COARSE };
         // Measures the error at a step, and if it is kept.
-        let mut measure = |step: f64| {
+        let measure = |step: f64| {
             if progress.is_cancelled() {
                 return Err(CompressError::from(Cancelled));
             }
-            (self.magnitudes)(step as f32, &mut decoded);
+            let mut decoded = (self.magnitudes)(step as f32);
             if let Some(classes) = self.classes {
                 apply_classes(classes, &mut decoded);
             }

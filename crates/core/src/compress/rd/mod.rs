@@ -11,6 +11,7 @@ mod chart;
 mod class_plane;
 mod coded;
 mod contest;
+mod floored;
 mod folding;
 pub(super) mod gridded;
 mod largest_step;
@@ -30,7 +31,6 @@ mod symmetry;
 mod symmetry_search;
 mod target_steps;
 
-use super::classes::classes_chunk;
 use super::compressed::Compressed;
 use super::effort::Tally;
 use super::error::CompressError;
@@ -39,11 +39,11 @@ use super::noise::estimate;
 use super::settings::Settings;
 use super::spectral_basis::SpectralBasis;
 use super::target::Target;
-use super::values::{self, Values};
-use crate::codec::Class;
+use super::values::Values;
 use crate::domain::{ErrorReport, Measurement, Progress};
 use candidate::Candidate;
 use class_plane::ClassPlane;
+use floored::{Below, Negative};
 use schemes::{Scheme, schemes};
 use sized::settled;
 use target_steps::{find_steps, refined};
@@ -57,83 +57,37 @@ pub(crate) fn compress(
     floor: f32,
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
-    let with =
-        |below, negative| compress_with(measurement, settings, bases, (floor, below, negative), (progress, tally));
-    let samples = measurement.tensor.samples();
-    let values = Values::of(settings.target, samples);
+    let with = |below: Below<'_>, negative| {
+        compress_with(measurement, settings, bases, (floor, below, negative), (progress, tally))
+    };
+    let values = Values::of(settings.target, measurement.tensor.samples());
     if floor <= 0.0 || values.is_linear() || gridded::Shape::of(measurement.tensor.axes()).is_none() {
         return with(Below::Clipped, Negative::Bounded);
     }
-    let has_negative = samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
-    let attempt = |below| match with(below, Negative::Bounded) {
-        Ok(file) if file.summary.errors.max_absolute_error_unscored <= f64::from(floor) => Ok(file),
-        Err(CompressError::Cancelled(cancelled)) => Err(CompressError::Cancelled(cancelled)),
-        _ if has_negative => with(below, Negative::Weighed),
-        failed => failed,
-    };
-    let clipped = attempt(Below::Clipped).map(Compressed::without_samples);
-    let dark = attempt(Below::Zero);
-    let (Ok(first), Ok(second)) = (&clipped, &dark) else { return clipped.or(dark) };
-    let by_size = matches!(settings.target, Target::Bytes(_) | Target::Ratio(_) | Target::Auto);
-    let is_better = if by_size {
-        second.summary.errors.er_l2 < first.summary.errors.er_l2
-    } else {
-        second.bytes.len() < first.bytes.len()
-    };
-    if is_better { dark } else { clipped }
-}
-
-/// Way to code positive samples below the floor, the smallest sample whose relative error counts.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Below {
-    /// Positive samples below the floor (smallest sample whose relative error counts) are coded like others, the
-    /// smallest of them raised to a fixed fraction of the floor.
-    Clipped,
-    /// Positive samples below the floor (smallest sample whose relative error counts) are coded as 0.
-    Zero,
-}
-
-/// Way to code negative samples whose magnitude is at least the floor, the smallest sample whose relative error counts.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Negative {
-    /// Coding in which a negative sample on a grid of angles takes the magnitude predicted from its neighbours, at most
-    /// the largest magnitude of a negative sample. Its error may exceed the floor (smallest sample whose relative error
-    /// counts).
-    Bounded,
-    /// Coding in which negative samples on a grid of angles are approximated as exactly as positive ones.
-    Weighed,
+    floored::best_of(measurement, settings, floor, with)
 }
 
 fn compress_with(
     measurement: &Measurement,
     settings: &Settings,
     bases: &[SpectralBasis],
-    (floor, below, negative): (f32, Below, Negative),
+    (floor, below, negative): (f32, Below<'_>, Negative),
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
-    let axes = measurement.tensor.axes();
     let samples = measurement.tensor.samples();
     let values = Values::of(settings.target, samples);
-    let is_dark = |s: f32| below == Below::Zero && s > 0.0 && s < floor;
-    let class_of = |&s: &f32| if is_dark(s) { Class::Zero } else { values.class_of(s, floor) };
-    let (classes, classes_coded) = if values::all_positive(samples) && below == Below::Clipped {
-        (vec![Class::Positive; samples.len()], None)
-    } else {
-        let mut classes: Vec<Class> = samples.iter().map(class_of).collect();
-        let coded = classes_chunk(axes, &mut classes);
-        (classes, coded)
-    };
+    let (classes, coded) = below.classes(measurement, values, floor);
     // The counts do not depend on the decoded samples, so the header has its final size before decoding.
     let counts = ErrorReport::without_errors(samples, f64::from(floor));
     let noise = match settings.target {
         Target::Auto => estimate(measurement, floor).map(|noise| noise.relative),
         _ => None,
     };
-    let coded = classes_coded.as_ref();
     let weighs_negative = negative == Negative::Weighed;
-    let plane = ClassPlane { values, classes: &classes, coded, counts, weighs_negative, noise };
+    let (coded, least) = (coded.as_ref(), below.least(floor));
+    let plane = ClassPlane { values, classes: &classes, coded, counts, least, weighs_negative, noise };
     let work = |scheme: &Scheme| Candidate::new(measurement, plane, scheme, settings, (floor, tally));
-    let schemes = schemes(measurement, plane, bases, settings, floor)?;
+    let schemes = schemes(measurement, plane, bases, settings)?;
     progress.step(0.05)?;
     let (work, steps, ranking) = match schemes.as_slice() {
         [only] => {

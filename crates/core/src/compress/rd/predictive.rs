@@ -21,7 +21,7 @@ pub(crate) use decode::{Levels, decode, decode_block, is_random, orbits};
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::super::values::Values;
-use super::chart::{Chart, ChartKind};
+use super::chart::{Chart, ChartKind, Rows};
 use super::coded::{Coded, LastCoded, code_streams};
 use super::folding::{fold_rows, live_leaves, spectra, synthesise, transposed};
 use super::layer::FirstLayer;
@@ -111,8 +111,8 @@ impl PredictiveLayer {
         Ok(Self { folded, transforms, chart, random, last: LastCoded::default() })
     }
 
-    fn coded(&self, fineness: Fineness) -> Arc<Coded> {
-        self.last.get(fineness, || self.code(fineness))
+    fn with_coded<T>(&self, fineness: Fineness, read: impl FnOnce(&mut Coded) -> T) -> T {
+        self.last.with(fineness, || self.code(fineness), read)
     }
 
     fn code(&self, fineness: Fineness) -> Coded {
@@ -131,7 +131,8 @@ impl PredictiveLayer {
         // The entries of the basis count as kept coefficients.
         let mut kept = basis.as_ref().map_or(0, |basis| basis.entries() as u64);
         let model = self.chart.as_ref().map(|chart| {
-            let coefficients = chart.code(&mut encoder, step, vectors, Some(&planes), &mut kept);
+            let coefficients =
+                chart.code(&mut encoder, step, vectors, Some(Rows::by_block(&planes, vectors)), &mut kept);
             chart.evaluate(coefficients, vectors, chart.all())
         });
         if let Some(model) = &model {
@@ -157,15 +158,16 @@ impl PredictiveLayer {
         if let Some(model) = &model {
             decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
         }
-        Coded { basis, chunks, planes: decoded, kept: kept + details }
+        Coded { basis, chunks, planes: decoded, model: None, kept: kept + details }
     }
 }
 
 impl PredictiveLayer {
     fn synthesise(&self, fineness: Fineness, finish: Option<Values>, logs: &mut [f32]) {
-        let coded = self.coded(fineness);
         let Folded { shape, group, representatives, .. } = &*self.folded;
-        synthesise(shape, group, representatives, (coded.basis.as_ref(), &coded.planes), finish, logs);
+        self.with_coded(fineness, |Coded { basis, planes, .. }| {
+            synthesise(shape, group, representatives, (basis.as_ref(), planes), finish, logs);
+        });
     }
 }
 
@@ -179,11 +181,11 @@ impl FirstLayer for PredictiveLayer {
     }
 
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
-        self.coded(fineness).chunks.clone()
+        self.with_coded(fineness, |coded| coded.chunks.clone())
     }
 
     fn kept(&self, fineness: Fineness) -> u64 {
-        self.coded(fineness).kept
+        self.with_coded(fineness, |coded| coded.kept)
     }
 
     fn transforms(&self) -> &[AxisTransform] {

@@ -101,7 +101,6 @@ pub(super) fn schemes(
     plane: ClassPlane<'_>,
     bases: &[SpectralBasis],
     settings: &Settings,
-    floor: f32,
 ) -> Result<Vec<Scheme>, CompressError> {
     let axes = measurement.tensor.axes();
     let named = settings.basis != AUTO_BASIS;
@@ -116,7 +115,7 @@ pub(super) fn schemes(
         match Shape::of(axes) {
             // Without a spectral axis the data's own basis costs nothing or a few numbers.
             Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
-                let logs = approximated(measurement, plane, floor);
+                let logs = approximated(measurement, plane);
                 let classes = plane.coded.map(|_| plane.classes);
                 schemes.extend(predicted(&shape, classes, &logs, settings.target, plane.noise)?);
             }

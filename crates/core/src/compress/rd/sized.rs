@@ -241,13 +241,12 @@ fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Resu
     if low.abs().max(high.abs()) <= SAFE {
         return Ok(Steps::of(f64::from(at.value())));
     }
-    let mut decoded = vec![0.0; candidate.original().len()];
     for doublings in 0..DOUBLINGS {
         let at = at.moved(f64::from(doublings) * DOUBLING);
         if size(candidate, at, progress)? > most(candidate) {
             continue;
         }
-        candidate.magnitudes(Fineness::of(at.value()), &mut decoded);
+        let decoded = candidate.magnitudes(Fineness::of(at.value()));
         let live = |class: &Class| matches!(class, Class::Positive | Class::Negative);
         let mut pairs = decoded.iter().zip(candidate.plane.classes);
         if pairs.all(|(sample, class)| sample.is_finite() || !live(class)) {

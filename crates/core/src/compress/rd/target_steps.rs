@@ -56,10 +56,9 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
     match candidate.settings.target {
         Target::ErL2(error) => {
             // A uniform quantiser's error is its step / √12; most coefficients are 0, so the step can be larger.
-            let mut decoded = vec![0.0; candidate.original().len()];
             let mut falling = Falling::default();
-            let mut measure = |step: f64| {
-                let found = candidate.relative_error(Fineness::of(step as f32), &mut decoded, progress)?;
+            let measure = |step: f64| {
+                let found = candidate.relative_error(Fineness::of(step as f32), progress)?;
                 candidate.closest.set(candidate.closest.get().min(found));
                 Ok::<f64, CompressError>(found)
             };
@@ -83,9 +82,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
             Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), (candidate.layer.basis(), false)))
         }
         Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
-            let magnitudes = |step: f32, decoded: &mut [f32]| {
-                candidate.magnitudes(Fineness::of(step), decoded);
-            };
+            let magnitudes = |step: f32| candidate.magnitudes(Fineness::of(step));
             let classes = candidate.plane.coded.map(|_| candidate.plane.classes);
             let trial = Trial {
                 measurement: candidate.measurement,
@@ -139,7 +136,6 @@ fn with_more_vectors(
     if !has_basis || first.0 > SMALL_GRID || candidate.original().len() > FEW_SAMPLES {
         return Ok(steps);
     }
-    let mut decoded = vec![0.0; candidate.original().len()];
     let mut best = first;
     for more in 1..=MORE_VECTORS {
         let before = best.0;
@@ -147,7 +143,7 @@ fn with_more_vectors(
             let from = Fineness { more_vectors: more, ..first.1 };
             let fineness = from.at(first.1.step * libm::exp2(f64::from(quarter) / 4.0) as f32);
             let bytes = chunk_bytes(&candidate.layer.chunks(fineness));
-            if bytes < best.0 && candidate.relative_error(fineness, &mut decoded, progress)? <= error {
+            if bytes < best.0 && candidate.relative_error(fineness, progress)? <= error {
                 best = (bytes, fineness);
             }
         }
@@ -171,7 +167,6 @@ pub(super) fn refined(
     if matches!(candidate.layer.basis(), SpectralBasis::Line(_)) {
         return Ok(steps);
     }
-    let mut decoded = vec![0.0; candidate.original().len()];
     let mut best = (chunk_bytes(&candidate.layer.chunks(steps.first)), steps.first);
     // One choice after the other, each from the best so far.
     for (vectors, coarser) in [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)] {
@@ -188,7 +183,7 @@ pub(super) fn refined(
             let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
             let fineness = from.at(from.step * factor);
             let bytes = chunk_bytes(&candidate.layer.chunks(fineness));
-            if bytes < best.0 && candidate.relative_error(fineness, &mut decoded, progress)? <= error {
+            if bytes < best.0 && candidate.relative_error(fineness, progress)? <= error {
                 best = (bytes, fineness);
             }
         }
@@ -211,9 +206,8 @@ fn refined_grid(
     if best.0 > SMALL_GRID {
         return Ok(steps);
     }
-    let mut decoded = vec![0.0; candidate.original().len()];
     let near = -NEAR..=NEAR;
-    let mut look_around =
+    let look_around =
         |from: Fineness, (places, stride): (&RangeInclusive<i32>, usize), best: &mut (usize, Fineness)| {
             for place in places.clone().step_by(stride) {
                 let fineness = from.at(from.step * libm::exp2(f64::from(place) / 72.0) as f32);
@@ -221,7 +215,7 @@ fn refined_grid(
                 if bytes >= best.0 {
                     continue;
                 }
-                let found = candidate.relative_error(fineness, &mut decoded, progress)?;
+                let found = candidate.relative_error(fineness, progress)?;
                 if found <= error {
                     *best = (bytes, fineness);
                 } else if place > NEAR && found > FAR_OFF * error {
@@ -262,11 +256,10 @@ fn refined_grid(
 /// Finds the quantiser step whose decoded samples are nearest to the noise-free truth, as far as the noise permits an
 /// estimate.
 fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
-    let mut decoded = vec![0.0; candidate.original().len()];
     let mut best: Option<(f64, Steps)> = None;
     for quarter in -12..=20_i32 {
         let steps = Steps::of(noise(candidate)? * libm::exp2(f64::from(quarter) / 4.0));
-        let risk = risk(candidate, steps, &mut decoded, progress)?;
+        let risk = risk(candidate, steps, progress)?;
         if best.is_none_or(|(least, _)| risk < least) {
             best = Some((risk, steps));
         }
@@ -277,13 +270,8 @@ fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Step
 /// Estimates the mean square distance of a file from the noise-free truth, up to a constant: the distance from the
 /// measurement, plus the noise that each coefficient carries (Mallows 1973, *Some comments on Cp*). Coefficients kept
 /// because they are large carry more noise than those chosen beforehand.
-pub(super) fn risk(
-    candidate: &Candidate<'_>,
-    steps: Steps,
-    decoded: &mut [f32],
-    progress: &dyn Progress,
-) -> Result<f64, CompressError> {
-    let error = candidate.relative_error(steps.first, decoded, progress)?;
+pub(super) fn risk(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progress) -> Result<f64, CompressError> {
+    let error = candidate.relative_error(steps.first, progress)?;
     let noise = noise(candidate)?;
     let share = candidate.layer.kept(steps.first) as f64 / candidate.original().len() as f64;
     Ok(error * error + SELECTED * 2.0 * noise * noise * share)

@@ -207,7 +207,7 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
             *tensor = Tensor::new(tensor.axes().to_vec(), values).map_err(|e| malformed(e.to_string()))?;
         }
         Samples::Grid(grid) => {
-            grid.values = values;
+            grid.values = values.into();
             grid.stated = None;
         }
         Samples::Scattered(scattered) => scattered.values = values,

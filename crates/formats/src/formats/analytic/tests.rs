@@ -16,7 +16,7 @@ fn document(quantity: &str, model: &str, axes: &str, rest: &str) -> String {
 fn samples(json: &str) -> Vec<f32> {
     match read(json).unwrap().samples {
         Samples::OnAxes { tensor, .. } => tensor.into_samples(),
-        Samples::Grid(grid) => grid.values,
+        Samples::Grid(grid) => grid.values.into_vec(),
         Samples::Scattered(scattered) => scattered.values,
         Samples::Function(_) => Vec::new(),
     }

@@ -72,8 +72,16 @@ pub(super) fn assemble(
     };
     let incoming = theta_i.map(|theta| polar(theta, phi_i, theta_range(false))).transpose()?;
     let outgoing = theta_o.map(|theta| polar(theta, phi_o, theta_range(true))).transpose()?;
-    let mut grid =
-        AngleGrid { index, incoming, outgoing, spectral, outside: Outside::Masked, values, stated: None, sigma: None };
+    let mut grid = AngleGrid {
+        index,
+        incoming,
+        outgoing,
+        spectral,
+        outside: Outside::Masked,
+        values: values.into(),
+        stated: None,
+        sigma: None,
+    };
     if let Some(values) = kept {
         let stated = grid.stated_as(values, &[listed_i, listed_o]).map_err(|error| unfit(error.to_string()))?;
         grid.stated = Some(Box::new(stated));

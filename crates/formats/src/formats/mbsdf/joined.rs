@@ -66,7 +66,7 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
         outgoing: Some(Angles { theta: outgoing, covers: (0.0, 180.0), phi }),
         spectral: rgb.then_some(Axis::Rgb),
         outside: Outside::Masked,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     })

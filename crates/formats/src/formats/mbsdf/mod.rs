@@ -131,7 +131,7 @@ fn grid(quantity: Quantity, block: Block) -> AngleGrid {
         outgoing: Some(Angles { theta: outgoing, covers, phi }),
         spectral: rgb.then_some(Axis::Rgb),
         outside: Outside::Masked,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     }

@@ -295,7 +295,7 @@ fn grid(
         outgoing: side(1, theta_o, phi_o)?,
         spectral,
         outside: Outside::Masked,
-        values,
+        values: values.into(),
         stated: None,
         sigma: None,
     };

@@ -2,7 +2,7 @@
 
 use super::numbers::StatedGrid;
 use super::repeated::Repeated;
-use crate::domain::{self, Axis, AxisError, DirectionGrid, DirectionGridError, Frame, Tensor, TensorError};
+use crate::domain::{self, Axis, AxisError, DirectionGrid, DirectionGridError, Frame, Shared, Tensor, TensorError};
 use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
 
 /// Reasons why a grid of angles cannot be converted to the grid that its file lists.
@@ -35,7 +35,7 @@ impl AngleGrid {
     /// later.
     pub(in crate::formats) fn stated_as(
         &self,
-        values: Vec<f32>,
+        values: impl Into<Shared>,
         listed: &Listed,
     ) -> Result<StatedGrid, StatedGridError> {
         let [first, second] = listed;
@@ -49,7 +49,7 @@ impl AngleGrid {
             None => None,
         };
         let axes = self.index.iter().cloned().chain([incoming, outgoing, self.spectral.clone()].into_iter().flatten());
-        let tensor = Tensor::new(axes.collect(), values)?;
+        let tensor = Tensor::sharing(axes.collect(), values.into())?;
         Ok(StatedGrid { tensor, factor: 1.0, repeated: Repeated::default() })
     }
 }

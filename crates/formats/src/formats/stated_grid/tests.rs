@@ -62,7 +62,7 @@ fn values_stated_twice_have_a_spread() {
 /// Returns the grid that a file lists, and the intensities after symmetries are unfolded.
 fn stated(bytes: &[u8], how: &Interpretation) -> (StatedGrid, Vec<f32>) {
     let Samples::Grid(grid) = read(bytes, how).unwrap().samples else { panic!("a grid") };
-    (grid.as_stated().unwrap(), grid.values)
+    (grid.as_stated().unwrap(), grid.values.into_vec())
 }
 
 fn plain(text: &str) -> StatedGrid {

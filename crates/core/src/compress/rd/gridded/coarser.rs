@@ -27,9 +27,10 @@ pub(crate) fn decode_level(
     let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
     let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
     let nodes = pyramid.code(&mut opened.decoder, opened.quantiser, (count, vectors), None, left_out).0;
+    // Freed before the samples take memory.
+    drop(pyramid);
     let malformed = |error: DirectionGridError| CodecError::Malformed { at: 0, reason: error.to_string() };
-    let model = opened.model();
-    samples(&opened, around, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
+    samples(&opened, around, &weights, (nodes, left_out), values).map_err(malformed)
 }
 
 /// Inserts a table of lower-resolution grids, which the first bytes suffice to decode, into a chunk of samples on a
@@ -50,7 +51,6 @@ pub(crate) fn with_levels(
     let weights = opened.planes.weights(around.classes);
     let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
     let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
-    let model = opened.model();
     let mut levels: Vec<GridLevel> = Vec::new();
     for left_out in (1..=opened.order.len()).rev() {
         let mut decoder = opened.decoder.clone();
@@ -65,7 +65,7 @@ pub(crate) fn with_levels(
             continue;
         }
         // Skips levels with angles made equal by rounding, or with samples beyond float32.
-        let is_whole = samples(&opened, around, (&weights, model.as_deref()), (&nodes, left_out), values)
+        let is_whole = samples(&opened, around, &weights, (nodes, left_out), values)
             .is_ok_and(|(_, samples)| !samples.iter().any(|sample| sample.is_infinite()));
         if is_whole {
             levels.push(GridLevel { end, left_out, er_l2: f64::MAX });
@@ -111,24 +111,23 @@ fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> V
 fn samples(
     opened: &Opened<'_>,
     around: Around<'_>,
-    (weights, model): (&Weights, Option<&[f32]>),
-    (nodes, left_out): (&[f32], usize),
+    weights: &Weights,
+    (mut nodes, left_out): (Vec<f32>, usize),
     finish: Values,
 ) -> Result<Coarse, DirectionGridError> {
     let planes = &opened.planes;
     let lattice = planes.lattice();
     let lines = lattice.coarse_lines(&opened.order[..left_out]);
     let axes = coarse_axes(around.axes, &lines)?;
-    let rows = lattice.coarse_rows(&lines);
     let n = planes.length();
     let unit = lines.iter().map(|line| line.count).product();
-    let mut samples = vec![0.0; rows.len() * n];
-    let mut nodes = nodes.to_vec();
-    if let Some(model) = model {
-        let means = planes.means(model, weights, &lines);
+    if let Some(means) = opened.means_of_model(weights, &lines) {
         nodes.iter_mut().zip(means).for_each(|(node, mean)| *node += mean);
     }
-    planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), &rows, &mut samples);
+    let rows = lattice.coarse_rows(&lines);
+    let mut samples = vec![0.0; rows.len() * n];
+    planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), |row| rows[row] as usize, &mut samples);
+    drop(nodes);
     if opened.divided.is_some() {
         let divided = Shape::of(&axes).and_then(|shape| DividedRows::new(&shape, around.divisor));
         debug_assert!(divided.is_some(), "the axes of a level are those of the file, with fewer angles");

@@ -10,7 +10,8 @@ use super::divided::DividedRows;
 use super::index::{self, GridLevel};
 use super::lattice::Shape;
 use super::model::GridModel;
-use super::planes::Planes;
+use super::nodes::Nodes;
+use super::planes::{Planes, Weights};
 use super::quantised::{bound_negative, quantiser};
 use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
@@ -129,10 +130,20 @@ impl<'a> Opened<'a> {
         Ok(Self { quantiser, negative_bound, planes, basis, order, model, divided, levels, decoder, streams })
     }
 
-    /// Evaluates the scattering model for all incoming directions; `None` without a model.
-    pub(super) fn model(&self) -> Option<Vec<f32>> {
+    /// Computes the means of the scattering model over the directions that each node of a coarser grid merges, for each
+    /// channel; `None` without a model.
+    pub(super) fn means_of_model(&self, weights: &Weights, lines: &[Nodes]) -> Option<Vec<f32>> {
         let (model, coefficients) = self.model.as_ref()?;
-        Some(model.all(coefficients, self.vectors(), self.planes.streams()))
+        let layout = (self.vectors(), self.planes.streams());
+        Some(self.planes.means(weights, lines, layout.0, |each| model.visit(coefficients, layout, each)))
+    }
+
+    /// Adds the scattering model, if there is one, to the decoded channels of all incoming directions.
+    fn add_model(&self, planes: &mut [f32]) {
+        if let Some((model, coefficients)) = &self.model {
+            let layout = (self.vectors(), self.planes.streams());
+            model.apply(coefficients, layout, planes, |value, model| *value += model);
+        }
     }
 
     pub(super) fn vectors(&self) -> usize {
@@ -163,9 +174,7 @@ pub(crate) fn decode(
         let count = planes.units() * vectors;
         pyramid.code(&mut opened.decoder, quantiser, (count, vectors), None, 0).0
     };
-    if let Some(model) = opened.model() {
-        add(&mut decoded, &model);
-    }
+    opened.add_model(&mut decoded);
     let mut values = vec![0.0; planes.rows() * planes.length()];
     planes.synthesise(opened.basis.as_ref(), &decoded, &mut values);
     if let Some(divided) = &opened.divided {
@@ -209,7 +218,7 @@ pub(crate) fn decode_block(
     }
     let rows = planes.lattice().outgoing_rows();
     let mut values = vec![0.0; rows.len() * planes.length()];
-    planes.synthesise_rows(opened.basis.as_ref(), (&decoded, planes.unit()), &rows, &mut values);
+    planes.synthesise_rows(opened.basis.as_ref(), (&decoded, planes.unit()), |row| rows[row] as usize, &mut values);
     if let Some(divided) = &opened.divided {
         divided.restore_entry(entry, &mut values);
     }

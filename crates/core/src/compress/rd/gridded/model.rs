@@ -1,6 +1,6 @@
 //! Smooth model of scattering (see `chart`) on the kept rows of a grid; the pyramid codes its residual.
 
-use super::super::chart::{Chart, ChartKind, GRID_ROWS};
+use super::super::chart::{Chart, ChartKind, GRID_ROWS, Rows};
 use super::planes::Planes;
 use crate::codec::{BitCoder, CodecError, Reader};
 use std::ops::Range;
@@ -8,8 +8,8 @@ use std::ops::Range;
 /// Position and mask, in the first byte of a grid chunk, of the bits that hold the kind of scattering model.
 const AT: u8 = 4;
 const KINDS: u8 = 3;
-/// Number of incoming directions whose values are evaluated together, then reordered.
-const TURNED: usize = 32;
+/// Number of incoming directions whose values are evaluated together. Raising it takes memory.
+const TOGETHER: usize = 16;
 
 /// Scattering model of the samples on grids of incoming and outgoing angles.
 pub(super) struct GridModel {
@@ -60,27 +60,47 @@ impl GridModel {
         planes: Option<(&[f32], usize)>,
         kept: &mut u64,
     ) -> Vec<f64> {
-        let planes = planes.map(|(planes, streams)| self.turned(planes, (vectors, streams > 1)));
-        self.chart.code(coder, step, vectors, planes.as_deref(), kept)
+        let values = planes.map(|(planes, streams)| match streams {
+            0 | 1 => Rows::by_channel(planes, self.shape[0]),
+            _ => Rows::by_block(planes, vectors),
+        });
+        self.chart.code(coder, step, vectors, values, kept)
     }
 
-    /// Evaluates the scattering model for all incoming directions, in the layout of one byte stream or of a byte stream
-    /// for each of them.
-    pub(super) fn all(&self, coefficients: &[f64], vectors: usize, streams: usize) -> Vec<f32> {
+    /// Evaluates the scattering model for all incoming directions, and calls `each(first, values)` for the outgoing
+    /// directions of each of them in each channel; `first` is the place of the first value among all channels. They
+    /// have the layout of one byte stream or of a byte stream for each incoming direction.
+    ///
+    /// The values of a few incoming directions are held at a time, as all together take as much memory as all samples.
+    pub(super) fn visit(
+        &self,
+        coefficients: &[f64],
+        (vectors, streams): (usize, usize),
+        mut each: impl FnMut(usize, &[f32]),
+    ) {
         let [incoming, outgoing] = self.shape;
-        if streams > 1 {
-            return self.entries(coefficients, vectors, 0..incoming);
-        }
-        // From [incoming, channel, outgoing] to [channel, incoming, outgoing], some at a time, as a copy is large.
-        let mut all = vec![0.0; vectors * incoming * outgoing];
-        for first in (0..incoming).step_by(TURNED) {
-            let entries = self.entries(coefficients, vectors, first..(first + TURNED).min(incoming));
-            for (row, values) in entries.chunks_exact(outgoing).enumerate() {
+        for first in (0..incoming).step_by(TOGETHER) {
+            let entries = self.entries(coefficients, vectors, first..(first + TOGETHER).min(incoming));
+            for (row, model) in entries.chunks_exact(outgoing).enumerate() {
                 let (entry, vector) = (first + row / vectors, row % vectors);
-                all[(vector * incoming + entry) * outgoing..][..outgoing].copy_from_slice(values);
+                let at = if streams > 1 { entry * vectors + vector } else { vector * incoming + entry };
+                each(at * outgoing, model);
             }
         }
-        all
+    }
+
+    /// Evaluates the scattering model for all incoming directions, and calls `change(value, model)` for each value of
+    /// `planes`, in the layout of [`GridModel::visit`].
+    pub(super) fn apply(
+        &self,
+        coefficients: &[f64],
+        layout: (usize, usize),
+        planes: &mut [f32],
+        change: impl Fn(&mut f32, f32),
+    ) {
+        self.visit(coefficients, layout, |first, model| {
+            planes[first..].iter_mut().zip(model).for_each(|(value, &model)| change(value, model));
+        });
     }
 
     /// Evaluates the scattering model for a range of incoming directions. Returns values `[incoming, channel,
@@ -88,20 +108,4 @@ impl GridModel {
     pub(super) fn entries(&self, coefficients: &[f64], vectors: usize, entries: Range<usize>) -> Vec<f32> {
         self.chart.evaluate(coefficients.to_vec(), vectors, entries)
     }
-
-    /// Reorders the values of all samples from `[channel, incoming, outgoing]` to `[incoming, channel, outgoing]` for
-    /// the scattering model. They already have this order if each incoming direction is coded as a byte stream of its
-    /// own (`is_turned`).
-    fn turned(&self, planes: &[f32], (vectors, is_turned): (usize, bool)) -> Vec<f32> {
-        if is_turned { planes.to_vec() } else { exchanged(planes, [vectors, self.shape[0], self.shape[1]]) }
-    }
-}
-
-/// Exchanges the first two axes of an array of rows of `length` numbers, from `[a, b, length]` to `[b, a, length]`.
-fn exchanged(values: &[f32], [a, b, length]: [usize; 3]) -> Vec<f32> {
-    let mut exchanged = Vec::with_capacity(values.len());
-    for row in (0..b).flat_map(|j| (0..a).map(move |i| i * b + j)) {
-        exchanged.extend_from_slice(&values[row * length..][..length]);
-    }
-    exchanged
 }

@@ -6,9 +6,13 @@ use super::super::spectrum::Basis;
 use super::divided::DividedRows;
 use super::lattice::{Lattice, Shape};
 use super::nodes::Nodes;
+use super::repeats::Repeats;
 use crate::codec::{BitCoder, Class};
 use rayon::prelude::*;
 use std::borrow::Cow;
+
+/// Number of spectra that are converted together.
+const BLOCK: usize = 1 << 10;
 
 /// Weights with which samples count in means over neighbouring directions: 1 for positive samples, 0 for zero or masked
 /// ones. Negative samples have 0, unless they are to be approximated as exactly as positive ones.
@@ -39,10 +43,8 @@ pub(super) struct Planes {
     klt: bool,
     /// True if negative samples are approximated as exactly as positive ones.
     weighs_negative: bool,
-    /// For each direction pair of the tensor, number of the distinct direction pair whose samples it repeats.
-    rows: Vec<u32>,
-    /// For each distinct direction pair, number of the first direction pair of the tensor that has its samples.
-    first: Vec<u32>,
+    /// Which of the tensor's spectra are those of other direction pairs.
+    repeats: Repeats,
 }
 
 impl Planes {
@@ -55,11 +57,10 @@ impl Planes {
         same: Option<&dyn Fn(usize, usize) -> bool>,
     ) -> Self {
         let lattice = Lattice::code(coder, shape, same);
-        let rows = lattice.rows();
-        let first = lattice.first_rows(&rows);
+        let repeats = Repeats::of(&lattice);
         let grid = lattice.grid(random);
         let unit = grid.lengths().iter().product();
-        Self { lattice, grid, unit, random, klt, weighs_negative, rows, first }
+        Self { lattice, grid, unit, random, klt, weighs_negative, repeats }
     }
 
     pub(super) fn lattice(&self) -> &Lattice {
@@ -89,12 +90,12 @@ impl Planes {
 
     /// Number of distinct pairs of incoming and outgoing direction in the whole tensor.
     pub(super) fn leaves(&self) -> usize {
-        self.first.len()
+        self.repeats.leaves()
     }
 
     /// Number of spectra in the tensor, one for each direction pair.
     pub(super) fn rows(&self) -> usize {
-        self.rows.len()
+        self.repeats.rows()
     }
 
     /// Number of samples in a spectrum.
@@ -105,10 +106,13 @@ impl Planes {
     /// Drops repeated spectra: from the spectra of all pairs of incoming and outgoing direction in a tensor, returns
     /// one for each distinct pair. If samples are to be divided by a function, they come back divided; `values` are
     /// logarithms then.
-    pub(super) fn leaves_of(&self, values: &[f32], divided: Option<&DividedRows>) -> Vec<f32> {
+    pub(super) fn leaves_of(&self, values: Vec<f32>, divided: Option<&DividedRows>) -> Vec<f32> {
         let n = self.length();
+        if divided.is_none() && !self.repeats.are_any() {
+            return values;
+        }
         let mut leaves = Vec::with_capacity(self.leaves() * n);
-        for row in self.first.iter().map(|&row| row as usize) {
+        for row in (0..self.leaves()).map(|leaf| self.repeats.first_row(leaf)) {
             let divisor = divided.map_or(0.0, |divided| divided.of_row(row));
             leaves.extend(values[row * n..][..n].iter().map(|value| value - divisor));
         }
@@ -122,9 +126,9 @@ impl Planes {
         let n = self.length();
         let stride = leaves.len().div_ceil(most) | 1;
         let is_live = |&leaf: &usize| {
-            let row = self.first[leaf] as usize;
+            let row = self.repeats.first_row(leaf);
             let live = |class: &Class| self.weighs(*class);
-            self.rows[row] as usize == leaf && classes.is_none_or(|classes| classes[row * n..][..n].iter().any(live))
+            self.repeats.is_own(leaf) && classes.is_none_or(|classes| classes[row * n..][..n].iter().any(live))
         };
         let found: Vec<f32> = (0..self.leaves())
             .step_by(stride)
@@ -135,19 +139,24 @@ impl Planes {
         if found.is_empty() { leaves[..n].to_vec() } else { found }
     }
 
-    /// Rearranges spectral coefficients from `[direction, channel]` to `[slice, channel, direction]`.
-    pub(super) fn of_coefficients<'a>(&self, coefficients: &'a [f32], vectors: usize) -> Cow<'a, [f32]> {
-        transposed(coefficients, self.unit, vectors)
-    }
-
-    /// Rearranges the samples of spectra from `[direction, wavelength]` to one channel for each wavelength or colour.
-    pub(super) fn of_lanes<'a>(&self, leaves: &'a [f32]) -> Cow<'a, [f32]> {
+    /// Converts spectra `[direction, wavelength]` to the channels to be coded, `[slice, channel, direction]`:
+    /// coefficients in `basis`, or one channel for each wavelength or colour.
+    pub(super) fn channels<'a>(&self, leaves: &'a [f32], basis: Option<&Basis>) -> Cow<'a, [f32]> {
         let n = self.length();
-        if n != 3 {
-            return transposed(leaves, self.unit, n);
+        if let Some(basis) = basis {
+            return Cow::Owned(transposed(&basis.analyse(leaves), self.unit, basis.rank()).into_owned());
         }
-        let turned: Vec<f32> = leaves.chunks_exact(3).flat_map(|row| [row[1], row[2], row[0]]).collect();
-        Cow::Owned(transposed(&turned, self.unit, n).into_owned())
+        if n == 1 {
+            return Cow::Borrowed(leaves);
+        }
+        let lanes = self.lattice.shape().lanes();
+        let mut channels = vec![0.0; leaves.len()];
+        channels.par_chunks_mut(self.unit).enumerate().for_each(|(number, channel)| {
+            let (slice, lane) = (number / n, lanes[number % n]);
+            let spectra = leaves[slice * self.unit * n..].chunks_exact(n);
+            channel.iter_mut().zip(spectra).for_each(|(value, spectrum)| *value = spectrum[lane]);
+        });
+        Cow::Owned(channels)
     }
 
     fn weighs(&self, class: Class) -> bool {
@@ -165,8 +174,8 @@ impl Planes {
         let n = self.length();
         let live = |class: &Class| self.weighs(*class);
         let weight = |leaf: usize, lane: Option<usize>| {
-            let row = self.first[leaf] as usize;
-            let is_own = self.rows[row] as usize == leaf;
+            let row = self.repeats.first_row(leaf);
+            let is_own = self.repeats.is_own(leaf);
             let lives = classes.is_none_or(|classes| {
                 let row = &classes[row * n..][..n];
                 lane.map_or_else(|| row.iter().any(live), |lane| live(&row[lane]))
@@ -198,25 +207,44 @@ impl Planes {
         (0..self.units()).flat_map(of_unit).collect()
     }
 
-    /// Computes the means of all channels over the directions that each node of a coarser grid merges. They are
-    /// weighted, or unweighted if all weights are 0.
-    pub(super) fn means(&self, planes: &[f32], weights: &Weights, lines: &[Nodes]) -> Vec<f32> {
+    /// Computes the means of `vectors` channels of a single slice over the directions that each node of a coarser grid
+    /// merges. They are weighted, or unweighted if all weights are 0.
+    ///
+    /// `visit` passes runs of values with the place of the first. Each run lies in one channel, and the runs of a
+    /// channel come in ascending order.
+    pub(super) fn means(
+        &self,
+        weights: &Weights,
+        lines: &[Nodes],
+        vectors: usize,
+        visit: impl FnOnce(&mut dyn FnMut(usize, &[f32])),
+    ) -> Vec<f32> {
         let nodes = self.lattice.nodes_of_leaves(lines);
-        let count = lines.iter().map(|line| line.count).product();
+        let count: usize = lines.iter().map(|line| line.count).product();
         let sets = weights.values.len() / self.unit;
-        let mean_of = |(plane, values): (usize, &[f32])| {
-            let weights = &weights.values[plane.min(sets - 1) * self.unit..][..self.unit];
-            let mut sums = vec![[0.0_f64; 4]; count];
-            for ((&node, &value), &weight) in nodes.iter().zip(values).zip(weights) {
-                let (value, weight) = (f64::from(value), f64::from(weight));
-                let [sum, weighs, all, number] = &mut sums[node as usize];
-                (*sum, *weighs) = (*sum + weight * value, *weighs + weight);
-                (*all, *number) = (*all + value, *number + 1.0);
+        let mut counts = vec![[0_u32; 2]; sets * count];
+        for (set, weights) in weights.values.chunks_exact(self.unit).enumerate() {
+            for (&node, &weight) in nodes.iter().zip(weights) {
+                let [weighs, all] = &mut counts[set * count + node as usize];
+                (*weighs, *all) = (*weighs + u32::from(weight > 0.0), *all + 1);
             }
-            let mean = |[sum, weighs, all, number]: [f64; 4]| if weighs > 0.0 { sum / weighs } else { all / number };
-            sums.into_iter().map(mean).map(|mean| mean as f32).collect::<Vec<_>>()
+        }
+        let counts_of = |channel: usize, node: usize| counts[channel.min(sets - 1) * count + node];
+        let mut sums = vec![0.0_f64; vectors * count];
+        visit(&mut |first, values| {
+            let (channel, leaf) = (first / self.unit, first % self.unit);
+            let weights = &weights.values[channel.min(sets - 1) * self.unit + leaf..];
+            for ((&node, &value), &weight) in nodes[leaf..].iter().zip(values).zip(weights) {
+                let node = node as usize;
+                let weight = if counts_of(channel, node)[0] > 0 { f64::from(weight) } else { 1.0 };
+                sums[channel * count + node] += weight * f64::from(value);
+            }
+        });
+        let mean = |(at, sum): (usize, f64)| {
+            let [weighs, all] = counts_of(at / count, at % count);
+            (sum / f64::from(if weighs > 0 { weighs } else { all })) as f32
         };
-        planes.chunks_exact(self.unit).enumerate().flat_map(mean_of).collect()
+        sums.into_iter().enumerate().map(mean).collect()
     }
 
     /// Computes the fraction of positive minus that of negative samples among the measured ones, for each node of a
@@ -227,10 +255,10 @@ impl Planes {
         let count = nodes.last().map_or(0, |&last| last as usize + 1);
         let mut sums = vec![(0_i64, 0_i64); count * n];
         for (leaf, &node) in nodes.iter().enumerate() {
-            let row = self.first[leaf] as usize;
-            if self.rows[row] as usize != leaf {
+            if !self.repeats.is_own(leaf) {
                 continue;
             }
+            let row = self.repeats.first_row(leaf);
             for (lane, class) in classes[row * n..][..n].iter().enumerate() {
                 let (sum, measured) = &mut sums[node as usize * n + lane];
                 match class {
@@ -261,33 +289,54 @@ impl Planes {
 
     /// Converts the decoded channels of all slices to the values of all samples of the tensor.
     pub(super) fn synthesise(&self, basis: Option<&Basis>, planes: &[f32], values: &mut [f32]) {
-        self.synthesise_rows(basis, (planes, self.unit), &self.rows, values);
+        let channels = (planes, self.unit);
+        match basis {
+            // A spectrum that several rows share is computed once.
+            Some(_) if self.leaves() < self.rows() => {
+                let n = self.length();
+                let mut leaves = vec![0.0; self.leaves() * n];
+                self.synthesise_rows(basis, channels, |leaf| leaf, &mut leaves);
+                values.par_chunks_exact_mut(n).enumerate().with_min_len(BLOCK).for_each(|(row, spectrum)| {
+                    spectrum.copy_from_slice(&leaves[self.repeats.leaf(row) * n..][..n]);
+                });
+            }
+            _ => self.synthesise_rows(basis, channels, |row| self.repeats.leaf(row), values),
+        }
     }
 
-    /// Converts decoded channels to the values of some spectra. Entry i of `rows` is the number of the grid node that
-    /// spectrum i takes; a channel has `unit` nodes.
+    /// Converts decoded channels to the values of some spectra. Spectrum i takes grid node number `node_of(i)`; a
+    /// channel has `unit` nodes.
     pub(super) fn synthesise_rows(
         &self,
         basis: Option<&Basis>,
         (planes, unit): (&[f32], usize),
-        rows: &[u32],
+        node_of: impl Fn(usize) -> usize + Sync,
         values: &mut [f32],
     ) {
         let n = self.length();
         let vectors = basis.map_or(n, Basis::rank);
-        let coefficients = transposed(planes, vectors, unit);
-        let mut leaves = vec![0.0; coefficients.len() / vectors * n];
-        if let Some(basis) = basis {
-            basis.synthesise(&coefficients, &mut leaves);
-        } else {
-            let lanes = self.lattice.shape().lanes();
-            for (leaf, row) in leaves.chunks_exact_mut(n).zip(coefficients.chunks_exact(n)) {
-                lanes.iter().zip(row).for_each(|(&lane, &value)| leaf[lane] = value);
+        let lanes = if basis.is_some() { (0..vectors).collect() } else { self.lattice.shape().lanes() };
+        // Rearranges coefficients from `[slice, channel, node]` to one row for each spectrum.
+        let gather = |first: usize, rows: &mut [f32]| {
+            let count = rows.len() / vectors;
+            let place = |node: usize| node / unit * vectors * unit + node % unit;
+            let places: Vec<usize> = (first..first + count).map(|row| place(node_of(row))).collect();
+            for (number, &lane) in lanes.iter().enumerate() {
+                let channel = &planes[number * unit..];
+                for (row, &place) in rows.chunks_exact_mut(vectors).zip(&places) {
+                    row[lane] = channel[place];
+                }
             }
-        }
-        values.par_chunks_mut(n << 10).zip(rows.par_chunks(1 << 10)).for_each(|(values, rows)| {
-            for (value, &leaf) in values.chunks_exact_mut(n).zip(rows) {
-                value.copy_from_slice(&leaves[leaf as usize * n..][..n]);
+        };
+        values.par_chunks_mut(n * BLOCK).enumerate().for_each(|(block, values)| {
+            let first = block * BLOCK;
+            match basis {
+                Some(basis) => {
+                    let mut coefficients = vec![0.0; values.len() / n * vectors];
+                    gather(first, &mut coefficients);
+                    basis.synthesise(&coefficients, values);
+                }
+                None => gather(first, values),
             }
         });
     }

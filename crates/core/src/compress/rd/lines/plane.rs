@@ -95,7 +95,9 @@ pub(super) struct PlaneOf<'a> {
     /// squared quantiser steps; then 1 if these errors are known, else 0.
     pub(super) errors: &'a mut [[f32; 4]],
     pub(super) children: &'a mut [f32],
-    pub(super) errors_of_children: &'a mut [f32],
+    /// Squared prediction errors that the children inherit, in squared quantiser steps, as in `inherited`; `None` if
+    /// the children are not split any further.
+    pub(super) errors_of_children: Option<&'a mut [f32]>,
 }
 
 /// Neighbours of one row of grid nodes, grouped by their use in predicting the difference of the two children of a
@@ -187,7 +189,9 @@ impl<'a> Halved<'a> {
                 let inherited = plane.inherited.map_or(-1.0, |inherited| inherited[node]);
                 if 2 * at + 1 >= children[axis] {
                     plane.children[child] = mean;
-                    plane.errors_of_children[child] = inherited;
+                    if let Some(errors) = &mut plane.errors_of_children {
+                        errors[child] = inherited;
+                    }
                     continue;
                 }
                 let [w0, w1] = [child, child + second].map(|child| f64::from(plane.weights[child]));
@@ -244,8 +248,10 @@ impl<'a> Halved<'a> {
                 };
                 plane.children[child] = (mean - down * detail) as f32;
                 plane.children[child + second] = (mean + up * detail) as f32;
-                plane.errors_of_children[child] = error;
-                plane.errors_of_children[child + second] = error;
+                if let Some(errors) = &mut plane.errors_of_children {
+                    errors[child] = error;
+                    errors[child + second] = error;
+                }
             }
         }
         kept

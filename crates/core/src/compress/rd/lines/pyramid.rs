@@ -4,10 +4,12 @@ use super::expectation::Expectation;
 use super::grid::{AXES, Grid};
 use super::halvings::Halvings;
 use super::plane::{Halved, Learned, PLANE_CLASSES, PlaneOf, integer_of};
-use super::source::Source;
+use super::source::{Source, group};
 use super::template::Template;
 use crate::codec::{BitCoder, ResidualCoder, code_number};
 use crate::numeric::recursive::Recursive;
+use std::borrow::Cow;
+use std::mem::take;
 
 /// Factor on the weight of earlier training examples of the least-squares predictor whenever grid nodes are split once
 /// more along the same axis. Raising it lengthens the memory.
@@ -65,76 +67,101 @@ impl PairPyramid {
     /// There are `planes` spectral channels in all, `vectors` of them for each part of the tensor that is coded on its
     /// own.
     ///
-    /// Only an encoder passes `source`. The last `left_out` divisions of merged grid nodes are not coded: values are
-    /// then means over blocks of angles.
+    /// Only an encoder passes `source`; of one that it gives away, details are freed once they are coded. The last
+    /// `left_out` divisions of merged grid nodes are not coded: values are then means over blocks of angles.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
         Quantiser { step, unit, learns, dead_zone }: Quantiser,
         (planes, vectors): (usize, usize),
-        source: Option<&Source>,
+        mut source: Option<Cow<'_, Source>>,
         left_out: usize,
     ) -> (Vec<f32>, u64) {
         let mut residuals = ResidualCoder::default();
         let mut kept = 0;
-        let mut values = self.code_roots(coder, step, (planes, vectors), source, &mut kept);
+        let roots = self.code_roots(coder, step, (planes, vectors), source.as_deref(), &mut kept);
+        let levels = self.halvings.all().get(left_out..).unwrap_or_default();
+        if levels.is_empty() {
+            return (in_units(roots, step), kept);
+        }
+        // Nodes of several channels at a time, and the errors that they inherit: those of a large table are freed as
+        // soon as they are split.
+        let group = group(&self.halvings);
+        let mut values: Vec<Vec<f32>> = roots.chunks(group).map(<[f32]>::to_vec).collect();
+        drop(roots);
+        let mut inherited: Vec<Vec<f32>> = values.iter().map(|_| Vec::new()).collect();
         let unit = unit / step;
         let mut expectations = vec![Expectation::new(unit); PLANE_CLASSES];
         let system = |axis: usize| vec![Recursive::new(self.templates[axis].features()); PLANE_CLASSES];
         let mut systems: [Vec<Recursive>; AXES] = std::array::from_fn(system);
         let mut seen = [false; AXES];
-        let mut inherited: Vec<f32> = Vec::new();
-        for (level, halving) in self.halvings.all().iter().enumerate().skip(left_out).rev() {
+        let mut finest = Vec::new();
+        for (level, halving) in levels.iter().enumerate().map(|(k, halving)| (left_out + k, halving)).rev() {
             if std::mem::replace(&mut seen[halving.axis], true) {
                 systems[halving.axis].iter_mut().for_each(|system| system.fade(FADING));
             }
             let (parents, children) = (halving.parents.count(), halving.children.iter().product::<usize>());
-            let mut finer = vec![0.0; planes * children];
-            let mut errors_of_finer = vec![0.0; planes * children];
+            let is_finest = level == left_out;
+            if is_finest {
+                finest = vec![0.0; planes * children];
+            }
             let mut details = [vec![0.0; parents + 1], vec![0.0; parents + 1], vec![0.0; parents + 1]];
             let mut means = vec![0.0; parents + 1];
             let mut errors = vec![[0.0; 4]; parents + 1];
             let halved = Halved::new(halving, &self.templates[halving.axis], self.depth(level));
-            for plane in 0..planes {
-                means[..parents].copy_from_slice(&values[plane * parents..][..parents]);
-                errors.fill([0.0; 4]);
-                details.rotate_right(1);
-                details[0].fill(0.0);
-                let class = (plane % vectors.max(1)).min(PLANE_CLASSES - 1);
-                kept += halved.code(
-                    coder,
-                    (
-                        &mut residuals,
-                        &mut Learned {
-                            expectation: &mut expectations[class],
-                            system: &mut systems[halving.axis][class],
-                            unit,
-                            learns,
+            for (number, (values, inherited)) in values.iter_mut().zip(&mut inherited).enumerate() {
+                let (coarse, of_coarse) = (take(values), take(inherited));
+                let count = coarse.len() / parents;
+                if !is_finest {
+                    *values = vec![0.0; count * children];
+                    *inherited = vec![0.0; count * children];
+                }
+                for at in 0..count {
+                    let plane = number * group + at;
+                    means[..parents].copy_from_slice(&coarse[at * parents..][..parents]);
+                    errors.fill([0.0; 4]);
+                    details.rotate_right(1);
+                    details[0].fill(0.0);
+                    let class = (plane % vectors.max(1)).min(PLANE_CLASSES - 1);
+                    kept += halved.code(
+                        coder,
+                        (
+                            &mut residuals,
+                            &mut Learned {
+                                expectation: &mut expectations[class],
+                                system: &mut systems[halving.axis][class],
+                                unit,
+                                learns,
+                            },
+                        ),
+                        &mut PlaneOf {
+                            class,
+                            means: &mut means,
+                            weights: self.halvings.weights_of((plane, vectors), level),
+                            wanted: source.as_ref().map(|source| source.details(level, plane, parents)),
+                            per_step: 1.0 / step,
+                            dead_zone,
+                            inherited: of_coarse.get(at * parents..).and_then(|all| all.get(..parents)),
+                            details: &mut details,
+                            errors: &mut errors,
+                            children: if is_finest {
+                                &mut finest[plane * children..][..children]
+                            } else {
+                                &mut values[at * children..][..children]
+                            },
+                            // The finest nodes are not split, so their errors are of no use.
+                            errors_of_children: inherited
+                                .get_mut(at * children..)
+                                .and_then(|all| all.get_mut(..children)),
                         },
-                    ),
-                    &mut PlaneOf {
-                        class,
-                        means: &mut means,
-                        weights: self.halvings.weights_of((plane, vectors), level),
-                        wanted: source.map(|source| source.details(level, plane, parents)),
-                        per_step: 1.0 / step,
-                        dead_zone,
-                        inherited: inherited.get(plane * parents..).and_then(|all| all.get(..parents)),
-                        details: &mut details,
-                        errors: &mut errors,
-                        children: &mut finer[plane * children..][..children],
-                        errors_of_children: &mut errors_of_finer[plane * children..][..children],
-                    },
-                );
+                    );
+                }
+                if let Some(Cow::Owned(source)) = &mut source {
+                    source.free(number, level);
+                }
             }
-            values = finer;
-            inherited = errors_of_finer;
         }
-        let step = step as f32;
-        for value in &mut values {
-            *value *= step;
-        }
-        (values, kept)
+        (in_units(finest, step), kept)
     }
 
     /// Class of the size of merged blocks after `level` halvings, a context of the residual coder.
@@ -166,4 +193,13 @@ impl PairPyramid {
         };
         (0..planes).map(root).collect()
     }
+}
+
+/// Converts values from quantiser steps to their own unit.
+fn in_units(mut values: Vec<f32>, step: f64) -> Vec<f32> {
+    let step = step as f32;
+    for value in &mut values {
+        *value *= step;
+    }
+    values
 }

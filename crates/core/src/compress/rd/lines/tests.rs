@@ -5,6 +5,7 @@ use crate::codec::{Decoder, Encoder};
 use crate::numeric::drawn::{any_list, list, number};
 use arbtest::arbitrary::{Result, Unstructured};
 use arbtest::arbtest;
+use std::borrow::Cow;
 
 /// Encodes spectral channels on a grid, halved in the best order of axes; returns the bytes and the decoded values.
 fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>, Vec<f32>) {
@@ -17,7 +18,7 @@ fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>,
         &mut encoder,
         Quantiser { step, unit: 1.0, learns: true, dead_zone: 0.0 },
         (count, count),
-        Some(&source),
+        Some(Cow::Borrowed(&source)),
         0,
     );
     (encoder.finish(), values)
