@@ -25,6 +25,21 @@ pub(crate) enum Node {
     Free(u32),
 }
 
+/// Calls `each(axis, a, b)` for every node `a` of a row-major grid and its next neighbour `b` along each axis.
+pub(crate) fn for_each_pair(lengths: [usize; AXES], mut each: impl FnMut(usize, usize, usize)) {
+    let count: usize = lengths.iter().product();
+    for (axis, stride) in strides(lengths).into_iter().enumerate() {
+        for a in (0..count).filter(|a| a / stride % lengths[axis] + 1 < lengths[axis]) {
+            each(axis, a, a + stride);
+        }
+    }
+}
+
+/// Numbers of nodes from a node of a row-major grid to its next neighbour along each axis.
+fn strides(lengths: [usize; AXES]) -> [usize; AXES] {
+    std::array::from_fn(|axis| lengths[axis + 1..].iter().product())
+}
+
 /// Chooses the labels of the free nodes of a row-major grid so that their own costs and the costs of all borders
 /// together are least. Between two neighbours along an axis with different labels there is a border, which costs the
 /// entry of `borders` for the axis. Absent nodes get false, and so does a free one if both labels cost the same.
@@ -64,28 +79,31 @@ struct Network {
 
 impl Network {
     fn new(lengths: [usize; AXES], borders: [u32; AXES], nodes: &[Node]) -> Self {
-        let strides: [usize; AXES] = std::array::from_fn(|axis| lengths[axis + 1..].iter().product());
-        let mut left = vec![[0_u32; SIDES]; nodes.len()];
+        let mut left: Vec<[u32; SIDES]> = vec![[0; SIDES]; nodes.len()];
         let mut ends: Vec<i64> =
             nodes.iter().map(|node| if let Node::Free(cost) = node { -i64::from(*cost) } else { 0 }).collect();
-        for axis in 0..AXES {
-            let (stride, border) = (strides[axis], borders[axis]);
-            for (a, &node) in nodes.iter().enumerate().filter(|(a, _)| a / stride % lengths[axis] + 1 < lengths[axis]) {
-                let b = a + stride;
-                let to = |label: bool| if label { i64::from(border) } else { -i64::from(border) };
-                match (node, nodes[b]) {
-                    (Node::Free(_), Node::Free(_)) => {
-                        left[a][2 * axis] = border;
-                        left[b][2 * axis + 1] = border;
-                    }
-                    (Node::Free(_), Node::Fixed(label)) => ends[a] += to(label),
-                    (Node::Fixed(label), Node::Free(_)) => ends[b] += to(label),
-                    _ => {}
+        for_each_pair(lengths, |axis, a, b| {
+            let border = borders[axis];
+            let to = |label: bool| if label { i64::from(border) } else { -i64::from(border) };
+            match (nodes[a], nodes[b]) {
+                (Node::Free(_), Node::Free(_)) => {
+                    left[a][2 * axis] = border;
+                    left[b][2 * axis + 1] = border;
                 }
+                (Node::Free(_), Node::Fixed(label)) => ends[a] += to(label),
+                (Node::Fixed(label), Node::Free(_)) => ends[b] += to(label),
+                _ => {}
             }
-        }
+        });
         let count = nodes.len();
-        Self { strides, left, ends, distances: vec![UNREACHED; count], sides: vec![0; count], steps: 0 }
+        Self {
+            strides: strides(lengths),
+            left,
+            ends,
+            distances: vec![UNREACHED; count],
+            sides: vec![0; count],
+            steps: 0,
+        }
     }
 
     fn is_exhausted(&self) -> bool {
@@ -193,13 +211,10 @@ mod tests {
             _ => 0,
         });
         let mut sum = own.sum();
-        for (axis, border) in borders.into_iter().enumerate() {
-            let stride: usize = lengths[axis + 1..].iter().product();
-            for a in (0..nodes.len()).filter(|a| a / stride % lengths[axis] + 1 < lengths[axis]) {
-                let both = nodes[a] != Node::Absent && nodes[a + stride] != Node::Absent;
-                sum += if both && labels[a] != labels[a + stride] { u64::from(border) } else { 0 };
-            }
-        }
+        for_each_pair(lengths, |axis, a, b| {
+            let both = nodes[a] != Node::Absent && nodes[b] != Node::Absent;
+            sum += if both && labels[a] != labels[b] { u64::from(borders[axis]) } else { 0 };
+        });
         sum
     }
 

@@ -109,26 +109,31 @@ impl<'a> Candidate<'a> {
         self.measurement.tensor.samples()
     }
 
-    /// Computes the values that a decoder gets with this quantiser setting, before corrections of single samples.
-    fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
-        self.layer.approximate(fineness, values);
-        if let Some((light, step)) = &self.light {
-            let steps = self.light_steps(light, *step, values);
-            let how = Correcting::new(*step, Some(self.plane.classes), self.layer.negative_bound());
-            light.add(how, &steps, values);
-        }
+    /// Returns what `decode` writes for all samples. The coding comes first, so that its memory is free by then.
+    fn decoded(&self, fineness: Fineness, decode: impl FnOnce(&mut [f32])) -> Vec<f32> {
+        self.layer.prepare(fineness);
+        let mut decoded = vec![0.0; self.original().len()];
+        decode(&mut decoded);
+        decoded
     }
 
-    /// Computes the magnitudes of the samples that a decoder gets with this quantiser setting.
+    /// Computes the values that a decoder gets with this quantiser setting, before corrections of light and of single
+    /// samples.
+    fn uncorrected(&self, fineness: Fineness) -> Vec<f32> {
+        self.decoded(fineness, |values| self.layer.approximate(fineness, values))
+    }
+
+    /// Computes the magnitudes of the samples that a decoder gets with this quantiser setting, before corrections of
+    /// single samples.
     pub(super) fn magnitudes(&self, fineness: Fineness) -> Vec<f32> {
-        self.layer.prepare(fineness);
-        let mut values = vec![0.0; self.original().len()];
-        if self.light.is_none() {
-            self.layer.magnitudes(fineness, self.plane.values, &mut values);
-        } else {
-            self.approximate(fineness, &mut values);
-            self.plane.values.finish(&mut values);
-        }
+        let Some((light, step)) = &self.light else {
+            return self.decoded(fineness, |values| self.layer.magnitudes(fineness, self.plane.values, values));
+        };
+        let mut values = self.uncorrected(fineness);
+        let steps = self.light_steps(light, *step, &values);
+        let how = Correcting::new(*step, Some(self.plane.classes), self.layer.negative_bound());
+        light.add(how, &steps, &mut values);
+        self.plane.values.finish(&mut values);
         values
     }
 
@@ -148,10 +153,7 @@ impl<'a> Candidate<'a> {
     /// Encodes the corrections of albedo or flux; `None` if no error of light is bounded.
     fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
         let (light, step) = self.light.as_ref()?;
-        self.layer.prepare(fineness);
-        let mut values = vec![0.0; self.original().len()];
-        self.layer.approximate(fineness, &mut values);
-        let mut steps = self.light_steps(light, *step, &values);
+        let mut steps = self.light_steps(light, *step, &self.uncorrected(fineness));
         let mut encoder = Encoder::default();
         code_steps(&mut encoder, light.inner(), &mut steps);
         Some((ChunkKind::Light, encoder.finish()))
@@ -172,9 +174,7 @@ impl<'a> Candidate<'a> {
     /// Encodes for every sample the multiple of the correction step that takes the value decoded from coefficients
     /// nearest to the original. `None` if a value decoded from coefficients is not finite.
     pub(super) fn corrections_chunk(&self, steps: Steps) -> Option<(ChunkKind, Vec<u8>)> {
-        self.layer.prepare(steps.first);
-        let mut logs = vec![0.0; self.original().len()];
-        self.layer.approximate(steps.first, &mut logs);
+        let logs = self.uncorrected(steps.first);
         if !logs.iter().all(|log| log.is_finite()) {
             return None;
         }

@@ -73,8 +73,8 @@ pub(super) enum Negative {
     Weighed,
 }
 
-/// Largest er(L2) of a file beside which coding samples below the floor as the floor is tried. With larger errors too
-/// many of them come back more than the floor away.
+/// Largest er(L2) at which coding samples below the floor as if they were as large as the floor is tried. With larger
+/// errors too many of them would decode to more than their own value and the floor together.
 const MOST_ERROR: f64 = 0.1;
 
 /// Compresses a measurement on a grid of angles by `with` in each way that may suit what lies below the floor, and
@@ -133,8 +133,8 @@ pub(super) fn best_of(
     best
 }
 
-/// Returns the bytes that a file spends on the map of classes and on all other samples. `None` without a map, or if its
-/// samples are not predicted on their grid.
+/// Returns the bytes that a file spends on the map of classes (positive, negative, zero, masked) and on the values of
+/// all other samples. `None` for a file without such a map, or one that codes a transform of its samples.
 fn spent(file: &Compressed) -> Option<Spent> {
     let container = open(&file.bytes).ok()?.1;
     let bytes = |kind| container.get(kind).map(|chunk| chunk.payload.len());

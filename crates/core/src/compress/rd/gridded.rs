@@ -38,7 +38,7 @@ use super::super::spectral_basis::SpectralBasis;
 use super::chart::ChartKind;
 use super::coded::{Coded, LastCoded, code_streams};
 use super::layer::{FirstLayer, chunk_bytes};
-use super::lines::{PairPyramid, Quantiser, Source, code_order, order_of_halvings};
+use super::lines::{PairPyramid, Quantiser, Source, code_order};
 use super::spectrum::{ANALYSED, Basis, MAX_GRID_RANK, components};
 use super::steps::Fineness;
 use super::streams::Streams;
@@ -125,6 +125,8 @@ pub(crate) struct GridLayer<'a> {
     transforms: Vec<AxisTransform>,
     klt: Option<Klt>,
     given: Given<'a>,
+    /// Axes along which neighbouring angles are merged in pairs, one after another.
+    order: Vec<u8>,
     pyramids: Vec<PairPyramid>,
     model: Option<GridModel>,
     divided: Option<DividedRows>,
@@ -149,7 +151,6 @@ impl<'a> GridLayer<'a> {
     ) -> Result<Self, SettingError> {
         let values = given();
         let length = shape.length();
-        let allowed = shape.models();
         let divided = DividedRows::new(&shape, form.divisor).filter(DividedRows::is_usable);
         let same = |a: usize, b: usize| {
             let [one, two] = [a, b].map(|at| {
@@ -174,15 +175,7 @@ impl<'a> GridLayer<'a> {
             Basis::encode(klt, axes, (planes.rows(), MAX_GRID_RANK), fineness).0
         });
         let typical = typical.as_ref();
-        // Made anew wherever they are needed, as those of a large table take much memory.
-        let weights_of = |planes: &Planes| planes.weights(classes);
-        let vectors = typical.map_or(length, Basis::rank);
-        let order_of = |planes: &Planes, channels: &[f32]| {
-            let weights = weights_of(planes);
-            let run = channels.len() / weights.values.len();
-            order_of_halvings(planes.grid(), channels, (&weights.values, run), form.step)
-        };
-        let (order, bits) = order_of(&planes, &planes.channels(&kept, typical));
+        let (order, bits) = planes.order_of_halvings(&planes.channels(&kept, typical), classes, form.step);
         let given = if is_large {
             drop(kept);
             Given::Made(Box::new(given))
@@ -199,7 +192,8 @@ impl<'a> GridLayer<'a> {
             sources: None,
             last: LastCoded::default(),
             form,
-            pyramids: planes.pyramids(&order, &weights_of(&planes)),
+            pyramids: planes.pyramids(&order, &planes.weights(classes)),
+            order,
             planes,
             klt,
             given,
@@ -207,31 +201,7 @@ impl<'a> GridLayer<'a> {
             divided,
             opening,
         };
-        let streams = layer.planes.streams();
-        let kinds = match &form.model {
-            Behind::Nothing => &[],
-            Behind::Model(kind) => std::slice::from_ref(kind),
-            Behind::Judged => allowed,
-        };
-        let mut before = order;
-        for &kind in kinds {
-            let Some(model) = GridModel::new(kind, &layer.planes) else { continue };
-            let model = model.prepared(layer.planes.live_leaves(&weights_of(&layer.planes)));
-            let mut channels = layer.planes.channels(&layer.values(), typical).into_owned();
-            let all = Some((&*channels, streams));
-            let coefficients = model.code(&mut Encoder::default(), form.step as f32, vectors, all, &mut 0);
-            model.apply(&coefficients, (vectors, streams), &mut channels, |value, model| *value -= model);
-            let (order, left) = order_of(&layer.planes, &channels);
-            drop(channels);
-            let is_judged = form.model == Behind::Judged;
-            if !is_judged || left < WORTH_A_TRIAL * bits {
-                let mut opening = repeats.clone();
-                let order = code_order(&mut opening, layer.planes.grid(), &order);
-                if layer.take_model((model, is_judged), opening, [&before, &order]) {
-                    before = order;
-                }
-            }
-        }
+        layer.try_models(typical, (&repeats, bits));
         if layer.klt.is_none() && layer.model.is_none() {
             layer.sources = Some(layer.sources_of(&layer.planes.channels(&layer.values(), None), length));
             // Freed, as only the sources are coded.
@@ -240,35 +210,59 @@ impl<'a> GridLayer<'a> {
         Ok(layer)
     }
 
+    /// Tries the scattering models that the layer's form asks for at the typical quantiser step, where `typical` is the
+    /// basis of spectra, and adopts the best.
+    ///
+    /// `plain` holds the coded stream up to the order of merging angles, and the estimate of the bits without a model.
+    fn try_models(&mut self, typical: Option<&Basis>, plain: (&Encoder, f64)) {
+        let vectors = typical.map_or(self.planes.length(), Basis::rank);
+        let (Form { step, model, .. }, streams) = (self.form, self.planes.streams());
+        let kinds = match &model {
+            Behind::Nothing => &[],
+            Behind::Model(kind) => std::slice::from_ref(kind),
+            Behind::Judged => self.planes.lattice().shape().models(),
+        };
+        let is_judged = model == Behind::Judged;
+        for &kind in kinds {
+            let Some(model) = GridModel::new(kind, &self.planes) else { continue };
+            let model = model.prepared(self.planes.live_leaves(&self.planes.weights(self.classes)));
+            let mut channels = self.planes.channels(&self.values(), typical).into_owned();
+            let all = Some((&*channels, streams));
+            let coefficients = model.code(&mut Encoder::default(), step as f32, vectors, all, &mut 0);
+            model.apply(&coefficients, (vectors, streams), &mut channels, |value, model| *value -= model);
+            let (order, left) = self.planes.order_of_halvings(&channels, self.classes, step);
+            drop(channels);
+            let (repeats, bits) = plain;
+            if !is_judged || left < WORTH_A_TRIAL * bits {
+                let mut opening = repeats.clone();
+                let order = code_order(&mut opening, self.planes.grid(), &order);
+                self.take_model((model, is_judged), opening, order);
+            }
+        }
+    }
+
     /// Adopts a scattering model that is subtracted from the values before coding, and the order of merging angles that
-    /// suits the residual, the second of `orders`. With `is_judged`, a model that makes the file at a typical quantiser
-    /// step larger is discarded again, and the first of the orders restored. Returns true if the model was kept.
-    fn take_model(
-        &mut self,
-        (model, is_judged): (GridModel, bool),
-        opening: Encoder,
-        [before, after]: [&[u8]; 2],
-    ) -> bool {
+    /// suits the residual. With `is_judged`, a model that makes the file at a typical quantiser step larger is
+    /// discarded again.
+    fn take_model(&mut self, (model, is_judged): (GridModel, bool), opening: Encoder, order: Vec<u8>) {
         let bytes = |layer: &Self| {
             if is_judged { chunk_bytes(&layer.code(Fineness::of(layer.form.step as f32)).chunks) } else { 0 }
         };
-        let smallest = bytes(self);
+        let before = bytes(self);
         let model = self.model.replace(model);
-        let opening = replace(&mut self.opening, opening);
-        self.make_pyramids(after);
-        let is_kept = bytes(self) <= smallest;
-        if !is_kept {
-            (self.model, self.opening) = (model, opening);
-            self.make_pyramids(before);
+        let (opening, order) = (replace(&mut self.opening, opening), replace(&mut self.order, order));
+        self.make_pyramids();
+        if bytes(self) > before {
+            (self.model, self.opening, self.order) = (model, opening, order);
+            self.make_pyramids();
         }
-        is_kept
     }
 
-    /// Replaces the coders of means over ever larger blocks by those of another order of merging angles.
-    fn make_pyramids(&mut self, order: &[u8]) {
+    /// Makes the coders of means over ever larger blocks anew, after the order of merging angles has changed.
+    fn make_pyramids(&mut self) {
         // Freed before others take as much memory.
         self.pyramids = Vec::new();
-        self.pyramids = self.planes.pyramids(order, &self.planes.weights(self.classes));
+        self.pyramids = self.planes.pyramids(&self.order, &self.planes.weights(self.classes));
     }
 
     /// Values of all distinct directions of the grid, `[directions, length of a spectrum]`.

@@ -7,7 +7,7 @@ use super::lattice::{Lattice, Shape};
 use super::repeats::Repeats;
 use crate::codec::Encoder;
 use crate::domain::Axis;
-use crate::numeric::least_cut::{AXES, Node, least_cut};
+use crate::numeric::least_cut::{AXES, Node, for_each_pair, least_cut};
 use rayon::prelude::*;
 
 /// Share of the floor up to which samples come back as 0. Larger ones may be coded as if they were as large as the
@@ -75,13 +75,10 @@ pub(crate) fn outlined(axes: &[Axis], samples: &[f32], floor: f32, spent: Spent)
     let cost = (BORDER * bytes_of_sample / bytes_of_border).clamp(1.0, 1e6) as u32;
     let cut = |&(first, lane): &(usize, usize)| {
         let nodes: Vec<Node> = (first..first + block).map(|leaf| node(leaf, lane, cost)).collect();
-        let marks = least_cut(lengths, BORDERS, &nodes)?;
-        let has_more = nodes.iter().zip(&marks).any(|(node, &mark)| mark && matches!(node, Node::Free(_)));
-        Some((marks, has_more))
+        least_cut(lengths, BORDERS, &nodes)
     };
-    let (marks, have_more): (Vec<Vec<bool>>, Vec<bool>) =
-        blocks.par_iter().map(cut).collect::<Option<Vec<_>>>()?.into_iter().unzip();
-    if !have_more.contains(&true) {
+    let marks: Vec<Vec<bool>> = blocks.par_iter().map(cut).collect::<Option<_>>()?;
+    if marks.iter().flatten().filter(|&&mark| mark).count() == coded {
         return None;
     }
     let mark = |at: usize| {
@@ -96,16 +93,12 @@ fn counts(lengths: [usize; AXES], node: impl Fn(usize) -> Node) -> (usize, usize
     let nodes: Vec<Node> = (0..lengths.iter().product()).map(node).collect();
     let is_coded = |node: Node| node == Node::Fixed(true);
     let coded = nodes.iter().filter(|node| is_coded(**node)).count();
-    let borders = (0..AXES).map(|axis| {
-        let stride: usize = lengths[axis + 1..].iter().product();
-        let has_next = |a: &usize| a / stride % lengths[axis] + 1 < lengths[axis];
-        let is_border = |&a: &usize| {
-            let (one, next) = (nodes[a], nodes[a + stride]);
-            one != Node::Absent && next != Node::Absent && is_coded(one) != is_coded(next)
-        };
-        (0..nodes.len()).filter(has_next).filter(is_border).count()
+    let mut borders = 0;
+    for_each_pair(lengths, |_, a, b| {
+        let both = nodes[a] != Node::Absent && nodes[b] != Node::Absent;
+        borders += usize::from(both && is_coded(nodes[a]) != is_coded(nodes[b]));
     });
-    (coded, borders.sum())
+    (coded, borders)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Planes of a lattice (leaves of units on vectors), from rows of a tensor and back.
 
 use super::super::folding::transposed;
-use super::super::lines::{Grid, PairPyramid};
+use super::super::lines::{Grid, PairPyramid, order_of_halvings};
 use super::super::spectrum::Basis;
 use super::divided::DividedRows;
 use super::lattice::{Lattice, Shape};
@@ -270,6 +270,13 @@ impl Planes {
             }
         }
         sums.into_iter().map(|(sum, measured)| (sum as f64 / measured as f64) as f32).collect()
+    }
+
+    /// Finds the order of merging neighbouring angles in which coding `channels` with a quantiser step costs least, and
+    /// estimates its bits.
+    pub(super) fn order_of_halvings(&self, channels: &[f32], classes: Option<&[Class]>, step: f64) -> (Vec<u8>, f64) {
+        let weights = self.weights(classes).values;
+        order_of_halvings(&self.grid, channels, (&weights, channels.len() / weights.len()), step)
     }
 
     /// Builds the coders of sample values as means over ever larger blocks of directions (pyramids), one for each byte
