@@ -1,7 +1,9 @@
 //! Compression of arbitrary float32 samples to arbitrary targets.
 
 use wavelume_core::compress::{self, CompressError, Policy, Settings, Target};
-use wavelume_core::domain::{Axis, Domain, ErrorReport, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
+use wavelume_core::domain::{
+    Axis, Domain, ErrorReport, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid,
+};
 
 /// Bytes in front of the samples: shape, target, policy and basis, floor, and eight of the target's number.
 const OPENING: usize = 12;

@@ -21,11 +21,12 @@ use std::ops::RangeInclusive;
 const SELECTED: f64 = 3.0;
 
 /// Largest size in bytes of coded samples on a grid of angles for which all quantiser steps near the one that the
-/// search found are tried. Raising it costs time: about 40 trials or more.
+/// search found are tried. Raising it costs time: about 40 trials or more, about half as many
+/// for tables above [`FEW_SAMPLES`].
 const SMALL_GRID: usize = 1 << 14;
 
-/// Largest number of samples for which additional spectral basis vectors, and steps far coarser than those found, are
-/// tried. Raising it costs time: about 60 trials of all samples.
+/// Largest number of samples for which additional spectral basis vectors, steps far coarser than those found, and all
+/// steps near them are tried. Raising it costs time: about 80 trials of all samples.
 const FEW_SAMPLES: usize = 1 << 20;
 
 /// Number of quantiser steps tried on either side of the one that the search for the wanted error found, each 1/72 of a
@@ -38,8 +39,11 @@ const NEAR: i32 = 9;
 /// Coarser quantiser steps tried with each width of the zero bin, in 1/72 of a doubling above the best step so far. The
 /// error of a small file may be too large at some steps and within its bound at still coarser ones.
 const FAR: RangeInclusive<i32> = NEAR + 6..=4 * NEAR;
-/// Multiple of the wanted error from which coarser steps are not tried.
+/// Multiple of the wanted error at which a series of ever coarser steps ends. It applies to the [`FAR`] ones.
 const FAR_OFF: f64 = 1.2;
+/// Multiple of the wanted error at which a series of ever coarser steps ends for tables above [`FEW_SAMPLES`]. Their
+/// error is nearly monotone in the step, and their trials take long.
+const FAR_OFF_OF_MANY: f64 = 1.03;
 
 /// Extra widths of the quantiser's zero bin tried on small grids, in sixteenths of a step.
 const DEAD_ZONES: [u8; 4] = [0, 1, 2, 3];
@@ -206,7 +210,9 @@ fn refined_grid(
     if best.0 > SMALL_GRID {
         return Ok(steps);
     }
-    let near = -NEAR..=NEAR;
+    let is_few = candidate.original().len() <= FEW_SAMPLES;
+    let (near, coarser_steps) = (-NEAR..=NEAR, 0..=NEAR);
+    let far_off = if is_few { FAR_OFF } else { FAR_OFF_OF_MANY };
     let look_around =
         |from: Fineness, (places, stride): (&RangeInclusive<i32>, usize), best: &mut (usize, Fineness)| {
             for place in places.clone().step_by(stride) {
@@ -218,7 +224,7 @@ fn refined_grid(
                 let found = candidate.relative_error(fineness, progress)?;
                 if found <= error {
                     *best = (bytes, fineness);
-                } else if place > NEAR && found > FAR_OFF * error {
+                } else if found > far_off * error && (place > NEAR || !is_few) {
                     break;
                 }
             }
@@ -232,9 +238,10 @@ fn refined_grid(
             coarser_vectors: best.1.coarser_vectors + coarser,
             ..best.1
         };
-        look_around(from, (&near, 1), &mut best)?;
+        // A finer step rarely makes a file smaller, unless fewer or coarser vectors go with it.
+        let is_less = vectors < 0 || coarser > 0;
+        look_around(from, (if is_few || is_less { &near } else { &coarser_steps }, 1), &mut best)?;
     }
-    let is_few = candidate.original().len() <= FEW_SAMPLES;
     loop {
         let from = best.1;
         for dead_zone in DEAD_ZONES {

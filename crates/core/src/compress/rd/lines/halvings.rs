@@ -2,7 +2,7 @@
 
 use super::grid::{AXES, Grid};
 use super::guess::{Coefficients, coefficients};
-use super::neighbours::Places;
+use super::neighbours::{Places, Recent};
 use super::pairs::sums;
 
 /// One halving of a grid: merges neighbouring nodes along one axis in pairs, `children` to `parents`.
@@ -10,6 +10,8 @@ pub(super) struct Halving {
     pub(super) axis: usize,
     pub(super) children: [usize; AXES],
     pub(super) parents: Places,
+    /// Places of the errors of predictions at the nodes, which are read only while nodes shortly after them are coded.
+    pub(super) recent: Recent,
     /// Filter that predicts the difference of the two children of a node from the means of the node's neighbours, for
     /// each node of the coarser axis.
     pub(super) guess: Vec<Coefficients>,
@@ -45,6 +47,7 @@ impl Halvings {
     /// channel; the last set serves all later ones.
     pub(super) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
         let mut children = grid.lengths();
+        let first = children.iter().position(|&n| n > 1).unwrap_or(AXES - 1);
         let leaves = children.iter().product::<usize>();
         let mut levels: Vec<Weights> =
             weights.chunks(leaves.max(1)).map(|w| Weights { levels: vec![w.to_vec()] }).collect();
@@ -68,7 +71,8 @@ impl Halvings {
                     set.levels.push(sums);
                 }
             }
-            halvings.push(Halving { axis, children, parents: Places::new(parents, wraps), guess });
+            let (places, recent) = (Places::new(parents, wraps), Recent::new(parents, wraps, first));
+            halvings.push(Halving { axis, children, parents: places, recent, guess });
             children = parents;
         }
         Self { steps: halvings, weights: levels, by_plane }

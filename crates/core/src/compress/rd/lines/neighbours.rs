@@ -1,6 +1,7 @@
 //! Neighbours of a node in a product of lines, as offsets into an array with one extra place for missing nodes.
 
 use super::grid::AXES;
+use std::ops::Range;
 
 /// Offset of a missing neighbour: added to other offsets it lies beyond every array.
 const NOWHERE: u32 = 1 << 29;
@@ -25,6 +26,7 @@ pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
 /// Nodes of a grid in row-major order, with tables for finding their neighbours.
 #[derive(Debug)]
 pub(super) struct Places {
+    /// Number of nodes along each axis, or of places if nodes take turns (see [`Recent`]).
     pub(super) lengths: [usize; AXES],
     /// Parts of the row-major index of a neighbouring grid node (direction or block of merged directions), one for each
     /// axis, which are added up.
@@ -37,18 +39,22 @@ pub(super) struct Places {
 impl Places {
     /// Builds the nodes of a grid with these axis lengths; where an axis `wraps`, its last node is next to its first.
     pub(super) fn new(lengths: [usize; AXES], wraps: [bool; AXES]) -> Self {
+        Self::taking_turns(lengths, wraps, lengths)
+    }
+
+    /// Builds the nodes of a grid, of which those that are `turns` nodes apart along an axis have the same place.
+    fn taking_turns(lengths: [usize; AXES], wraps: [bool; AXES], turns: [usize; AXES]) -> Self {
         let tables = std::array::from_fn(|axis| {
             let n = lengths[axis] as isize;
-            let stride = lengths[axis + 1..].iter().product::<usize>() as u32;
+            let stride = turns[axis + 1..].iter().product::<usize>() as u32;
+            let place = |at: isize| at.rem_euclid(n) as u32 % turns[axis] as u32 * stride;
             std::array::from_fn(|d| {
                 let by = d as isize - REACH as isize;
-                let offset = |at: isize| {
-                    if !wraps[axis] && !(0..n).contains(&at) { NOWHERE } else { at.rem_euclid(n) as u32 * stride }
-                };
+                let offset = |at: isize| if !wraps[axis] && !(0..n).contains(&at) { NOWHERE } else { place(at) };
                 (0..n).map(|q| offset(q + by)).collect()
             })
         });
-        Self { lengths, tables }
+        Self { lengths: turns, tables }
     }
 
     /// Returns the number of grid nodes. An array by node has one more element, for missing neighbours, at this index.
@@ -87,6 +93,60 @@ impl Places {
     }
 }
 
+/// Places of numbers by node that serve while a grid is passed in row-major order, and of which a node reads those of
+/// its own slice and of the two slices before it. A slice holds the nodes with one coordinate on the grid's first axis
+/// of more than one node.
+///
+/// If that axis is long, three slices have places, which all slices take in turn: the errors of predictions at all
+/// nodes would take twice the memory of a channel's samples.
+#[derive(Debug)]
+pub(super) struct Recent {
+    /// Places of the slices; its `rows` and `coordinates` do not apply to the grid.
+    places: Places,
+    /// Number of leading axes that tell slices apart; 0 if all nodes have places of their own.
+    leading: usize,
+}
+
+impl Recent {
+    /// Builds the places for a grid with these axis lengths, of which `first` is the first axis that had more than one
+    /// node before any were merged; where an axis `wraps`, its last node is next to its first.
+    pub(super) fn new(lengths: [usize; AXES], mut wraps: [bool; AXES], first: usize) -> Self {
+        let mut turns = lengths;
+        let mut leading = 0;
+        // Rows run along the last axis. On a circle of one or two nodes, the node before another may be the same.
+        if first < AXES - 1 && lengths[first] > 2 * REACH {
+            // Before the first nodes of a circle lie its last ones, which are not coded yet.
+            wraps[first] = false;
+            turns[first] = REACH + 1;
+            leading = first + 1;
+        }
+        Self { places: Places::taking_turns(lengths, wraps, turns), leading }
+    }
+
+    /// Returns the number of places. An array of numbers has one more element, for missing neighbours, at this index.
+    pub(super) fn count(&self) -> usize {
+        self.places.count()
+    }
+
+    /// Neighbours at a given distance from each node of a row of grid nodes, as in [`Places::along`].
+    pub(super) fn along(&self, coordinates: [usize; AXES - 1], distance: Distance) -> Along {
+        self.places.along(coordinates, distance)
+    }
+
+    /// Place of the first node of a row of grid nodes; `coordinates` are the row's place on all axes but the last.
+    pub(super) fn row(&self, coordinates: [usize; AXES - 1]) -> usize {
+        self.along(coordinates, [0; AXES]).first as usize
+    }
+
+    /// Returns the places to be cleared before a row of grid nodes is coded: those of a slice before its first row,
+    /// `None` before its other rows.
+    pub(super) fn cleared_before(&self, coordinates: [usize; AXES - 1]) -> Option<Range<usize>> {
+        let is_first = coordinates[self.leading..].iter().all(|&at| at == 0);
+        let count = self.places.lengths[self.leading..].iter().product::<usize>();
+        is_first.then(|| self.row(coordinates)).map(|row| row..row + count)
+    }
+}
+
 fn index(distance: i8) -> usize {
     (isize::from(distance) + REACH as isize) as usize
 }
@@ -113,6 +173,38 @@ impl Along {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_recent_where_nodes_before_them_have_places() {
+        for (lengths, first) in [([1, 7, 3, 4], 1), ([9, 2, 1, 5], 0), ([1, 3, 6, 4], 1), ([1, 1, 1, 6], 3)] {
+            let wraps = [true; AXES];
+            let (all, recent) = (Places::new(lengths, wraps), Recent::new(lengths, wraps, first));
+            let last = all.last_axis();
+            let mut held = vec![0; recent.count() + 1];
+            let mut known = Vec::new();
+            // Twice, as for two channels one after the other.
+            for number in (0..all.rows()).chain(0..all.rows()) {
+                if number == 0 {
+                    known = vec![0; all.count() + 1];
+                }
+                let coordinates = all.coordinates(number);
+                if let Some(places) = recent.cleared_before(coordinates) {
+                    held[places].fill(0);
+                }
+                for (x, offsets) in last.iter().enumerate() {
+                    for parts in [[(first, -1), (3, 0)], [(first, -2), (3, 1)], [(2, 1), (3, -1)], [(2, -2), (3, 2)]] {
+                        let distance = distance(&parts);
+                        let one = known[all.along(coordinates, distance).at(offsets, all.count())];
+                        let two = held[recent.along(coordinates, distance).at(offsets, recent.count())];
+                        assert_eq!(one, two, "{lengths:?} {coordinates:?} {x} {parts:?}");
+                    }
+                    let node = number * last.len() + x;
+                    known[node] = node + 1;
+                    held[recent.row(coordinates) + x] = node + 1;
+                }
+            }
+        }
+    }
 
     #[test]
     fn places_exist_inside_and_around_circles() {

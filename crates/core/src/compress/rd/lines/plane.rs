@@ -3,7 +3,7 @@
 use super::expectation::Expectation;
 use super::grid::AXES;
 use super::halvings::Halving;
-use super::neighbours::{Along, Places};
+use super::neighbours::Along;
 use super::template::{BEFORE, Template};
 use crate::codec::{BitCoder, DEPTHS, Expected, ResidualCoder};
 use crate::numeric::recursive::Recursive;
@@ -70,8 +70,8 @@ pub(super) struct Learned<'a> {
     pub(super) learns: bool,
 }
 
-/// State of one spectral channel, in quantiser steps, while each grid node is split in two along one axis. Arrays by
-/// node have one extra element, for missing neighbours.
+/// State of one spectral channel, in quantiser steps, while each grid node is split in two along one axis. Arrays of
+/// means, details and errors have one extra element, for missing neighbours.
 pub(super) struct PlaneOf<'a> {
     /// Class number of the spectral channel; channels of a class share predictors and coding contexts.
     pub(super) class: usize,
@@ -91,8 +91,9 @@ pub(super) struct PlaneOf<'a> {
     pub(super) inherited: Option<&'a [f32]>,
     /// Decoded details of this spectral channel and the two channels before it, by node; 0 where none is decoded.
     pub(super) details: &'a mut [Vec<f32>; BEFORE + 1],
-    /// Squared errors, at each grid node, of prediction by fixed filters, by least squares and by the blend of both, in
-    /// squared quantiser steps; then 1 if these errors are known, else 0.
+    /// Squared errors, at each grid node coded recently, of prediction by fixed filters, by least squares and by the
+    /// blend of both, in squared quantiser steps; then 1 if these errors are known, else 0. [`Halving::recent`] has
+    /// their places.
     pub(super) errors: &'a mut [[f32; 4]],
     pub(super) children: &'a mut [f32],
     /// Squared prediction errors that the children inherit, in squared quantiser steps, as in `inherited`; `None` if
@@ -112,8 +113,8 @@ struct Row {
 }
 
 impl Row {
-    fn set(&mut self, places: &Places, template: &Template, coordinates: [usize; AXES - 1]) {
-        let along = |distance| places.along(coordinates, distance);
+    fn set(&mut self, halving: &Halving, template: &Template, coordinates: [usize; AXES - 1]) {
+        let along = |distance| halving.parents.along(coordinates, distance);
         self.differences = template.differences.map(along);
         self.slopes.clear();
         self.slopes.extend(template.slopes.iter().map(|pair| pair.map(along)));
@@ -121,7 +122,8 @@ impl Row {
         self.details.extend(template.details.iter().map(|&distance| along(distance)));
         self.others = template.others.map(along);
         self.errors.clear();
-        self.errors.extend(template.errors.iter().map(|&(distance, counts)| (along(distance), counts)));
+        let recent = |&(distance, counts)| (halving.recent.along(coordinates, distance), counts);
+        self.errors.extend(template.errors.iter().map(recent));
     }
 }
 
@@ -168,7 +170,7 @@ impl<'a> Halved<'a> {
         (residuals, learned): (&mut ResidualCoder, &mut Learned<'_>),
         plane: &mut PlaneOf<'_>,
     ) -> u64 {
-        let Halving { axis, children, parents, guess } = self.halving;
+        let Halving { axis, children, parents, recent, guess } = self.halving;
         let axis = *axis;
         let second = children[axis + 1..].iter().product::<usize>();
         let place = axis * PLANE_CLASSES + plane.class;
@@ -179,7 +181,11 @@ impl<'a> Halved<'a> {
         let mut row = Row::default();
         for number in 0..parents.rows() {
             let coordinates = parents.coordinates(number);
-            row.set(parents, self.template, coordinates);
+            row.set(self.halving, self.template, coordinates);
+            if let Some(places) = recent.cleared_before(coordinates) {
+                plane.errors[places].fill([0.0; 4]);
+            }
+            let place_of_errors = recent.row(coordinates);
             let first = first_child(coordinates, axis, children);
             for x in 0..width {
                 let node = number * width + x;
@@ -223,7 +229,7 @@ impl<'a> Halved<'a> {
                         (error * error).min(LARGEST_ERROR)
                     };
                     let error = squared(predicted.blend);
-                    plane.errors[node] =
+                    plane.errors[place_of_errors + x] =
                         [squared(predicted.fixed) as f32, squared(predicted.learned) as f32, error as f32, 1.0];
                     learned.expectation.learn(bin, error);
                     if learned.learns {

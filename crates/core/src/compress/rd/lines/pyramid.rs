@@ -87,7 +87,9 @@ impl PairPyramid {
         // Nodes of several channels at a time, and the errors that they inherit: those of a large table are freed as
         // soon as they are split.
         let group = group(&self.halvings);
-        let mut values: Vec<Vec<f32>> = roots.chunks(group).map(<[f32]>::to_vec).collect();
+        // The nodes of a channel have one element behind them, for missing neighbours.
+        let with_room = |roots: &[f32]| roots.iter().flat_map(|&root| [root, 0.0]).collect();
+        let mut values: Vec<Vec<f32>> = roots.chunks(group).map(with_room).collect();
         drop(roots);
         let mut inherited: Vec<Vec<f32>> = values.iter().map(|_| Vec::new()).collect();
         let unit = unit / step;
@@ -106,20 +108,17 @@ impl PairPyramid {
                 finest = vec![0.0; planes * children];
             }
             let mut details = [vec![0.0; parents + 1], vec![0.0; parents + 1], vec![0.0; parents + 1]];
-            let mut means = vec![0.0; parents + 1];
-            let mut errors = vec![[0.0; 4]; parents + 1];
+            let mut errors = vec![[0.0; 4]; halving.recent.count() + 1];
             let halved = Halved::new(halving, &self.templates[halving.axis], self.depth(level));
             for (number, (values, inherited)) in values.iter_mut().zip(&mut inherited).enumerate() {
-                let (coarse, of_coarse) = (take(values), take(inherited));
-                let count = coarse.len() / parents;
+                let (mut coarse, of_coarse) = (take(values), take(inherited));
+                let count = coarse.len() / (parents + 1);
                 if !is_finest {
-                    *values = vec![0.0; count * children];
+                    *values = vec![0.0; count * (children + 1)];
                     *inherited = vec![0.0; count * children];
                 }
                 for at in 0..count {
                     let plane = number * group + at;
-                    means[..parents].copy_from_slice(&coarse[at * parents..][..parents]);
-                    errors.fill([0.0; 4]);
                     details.rotate_right(1);
                     details[0].fill(0.0);
                     let class = (plane % vectors.max(1)).min(PLANE_CLASSES - 1);
@@ -136,7 +135,7 @@ impl PairPyramid {
                         ),
                         &mut PlaneOf {
                             class,
-                            means: &mut means,
+                            means: &mut coarse[at * (parents + 1)..][..=parents],
                             weights: self.halvings.weights_of((plane, vectors), level),
                             wanted: source.as_ref().map(|source| source.details(level, plane, parents)),
                             per_step: 1.0 / step,
@@ -147,7 +146,7 @@ impl PairPyramid {
                             children: if is_finest {
                                 &mut finest[plane * children..][..children]
                             } else {
-                                &mut values[at * children..][..children]
+                                &mut values[at * (children + 1)..][..children]
                             },
                             // The finest nodes are not split, so their errors are of no use.
                             errors_of_children: inherited
