@@ -20,14 +20,20 @@ pub fn state_levels(bytes: Vec<u8>, measurement: &Measurement) -> Result<Vec<u8>
     if coarser.is_empty() || !measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))) {
         return Ok(bytes);
     }
-    let stated = Material::of(measurement.clone())?;
+    let mut stated = None;
     let mut errors = Vec::with_capacity(coarser.len());
-    for info in coarser {
+    // The finest level comes first: while it is decoded, the material of the measurement does not take memory yet.
+    for info in coarser.iter().rev() {
         let decoded = decode_level(&bytes, info.level)?;
+        let stated = match &mut stated {
+            Some(stated) => stated,
+            none => none.insert(Material::of(measurement.clone())?),
+        };
         let floor = decoded.summary.floor;
         let level = Material::decoded(decoded)?;
-        errors.push(er_l2(&stated, &level, measurement, floor)?);
+        errors.push(er_l2(stated, &level, measurement, floor)?);
     }
+    errors.reverse();
     Ok(with_level_errors(&bytes, &errors)?)
 }
 

@@ -143,13 +143,12 @@ fn samples(
             finish.finish(&mut magnitude);
             -magnitude[0]
         });
-        let shares = planes.shares(classes, &lines);
-        for (row, samples) in rows.iter().zip(samples.chunks_exact_mut(n)) {
-            for (sample, &share) in samples.iter_mut().zip(&shares[*row as usize * n..]) {
-                let mean = *sample * share;
-                *sample = if mean < least { least } else { mean };
+        planes.visit_shares(classes, &lines, |lane, shares| {
+            for (&row, samples) in rows.iter().zip(samples.chunks_exact_mut(n)) {
+                let mean = samples[lane] * shares[row as usize];
+                samples[lane] = if mean < least { least } else { mean };
             }
-        }
+        });
     }
     Ok((axes, samples))
 }

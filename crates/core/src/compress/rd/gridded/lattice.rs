@@ -418,10 +418,11 @@ impl Lattice {
         for (line, kept) in lines.iter().zip(&self.kept) {
             let n = line.count as u32;
             let entries = 0..kept.positions.len() as u32;
-            nodes = nodes
-                .iter()
-                .flat_map(|&node| entries.clone().map(move |entry| node * n + (entry >> line.halvings)))
-                .collect();
+            let mut next = Vec::with_capacity(nodes.len() * entries.len());
+            for node in nodes {
+                next.extend(entries.clone().map(|entry| node * n + (entry >> line.halvings)));
+            }
+            nodes = next;
         }
         nodes
     }

@@ -21,7 +21,7 @@ pub(super) struct Weights {
     /// direction]` if weights differ between wavelengths.
     ///
     /// A slice is a part of the tensor that is averaged on its own, for example one incoming direction.
-    pub(super) values: Vec<f32>,
+    pub(super) values: Vec<u8>,
     by_plane: bool,
     /// True if directions have the same weights, in means over neighbouring directions, in every slice of the tensor
     /// (for example each incoming direction). Only one set of weights is then stored.
@@ -180,7 +180,7 @@ impl Planes {
                 let row = &classes[row * n..][..n];
                 lane.map_or_else(|| row.iter().any(live), |lane| live(&row[lane]))
             });
-            if is_own && lives { 1.0 } else { 0.0 }
+            u8::from(is_own && lives)
         };
         let by_plane = !self.klt && classes.is_some();
         let lanes: Vec<Option<usize>> =
@@ -202,7 +202,7 @@ impl Planes {
         let of_unit = |unit: usize| {
             let unit = if weights.are_alike { 0 } else { unit };
             let own = &weights.values[unit * lanes * self.unit..][..lanes * self.unit];
-            (0..self.unit).map(move |leaf| own[leaf..].iter().step_by(self.unit).all(|&weight| weight > 0.0))
+            (0..self.unit).map(move |leaf| own[leaf..].iter().step_by(self.unit).all(|&weight| weight > 0))
         };
         (0..self.units()).flat_map(of_unit).collect()
     }
@@ -226,7 +226,7 @@ impl Planes {
         for (set, weights) in weights.values.chunks_exact(self.unit).enumerate() {
             for (&node, &weight) in nodes.iter().zip(weights) {
                 let [weighs, all] = &mut counts[set * count + node as usize];
-                (*weighs, *all) = (*weighs + u32::from(weight > 0.0), *all + 1);
+                (*weighs, *all) = (*weighs + u32::from(weight > 0), *all + 1);
             }
         }
         let counts_of = |channel: usize, node: usize| counts[channel.min(sets - 1) * count + node];
@@ -248,28 +248,28 @@ impl Planes {
     }
 
     /// Computes the fraction of positive minus that of negative samples among the measured ones, for each node of a
-    /// coarser grid and each wavelength. NaN if none is measured. Copies of a direction at a pole are left out.
-    pub(super) fn shares(&self, classes: &[Class], lines: &[Nodes]) -> Vec<f32> {
+    /// coarser grid. NaN if none is measured. Copies of a direction at a pole are left out.
+    ///
+    /// `visit` gets the fractions of one wavelength after the other, as those of all would take twice the memory of the
+    /// coarser grid's samples.
+    pub(super) fn visit_shares(&self, classes: &[Class], lines: &[Nodes], mut visit: impl FnMut(usize, &[f32])) {
         let n = self.length();
         let nodes = self.lattice.nodes_of_leaves(lines);
         let count = nodes.last().map_or(0, |&last| last as usize + 1);
-        let mut sums = vec![(0_i64, 0_i64); count * n];
-        for (leaf, &node) in nodes.iter().enumerate() {
-            if !self.repeats.is_own(leaf) {
-                continue;
-            }
-            let row = self.repeats.first_row(leaf);
-            for (lane, class) in classes[row * n..][..n].iter().enumerate() {
-                let (sum, measured) = &mut sums[node as usize * n + lane];
-                match class {
+        for lane in 0..n {
+            let mut sums = vec![(0_i32, 0_u32); count];
+            for (leaf, &node) in nodes.iter().enumerate().filter(|(leaf, _)| self.repeats.is_own(*leaf)) {
+                let (sum, measured) = &mut sums[node as usize];
+                match classes[self.repeats.first_row(leaf) * n + lane] {
                     Class::Positive => (*sum, *measured) = (*sum + 1, *measured + 1),
                     Class::Negative => (*sum, *measured) = (*sum - 1, *measured + 1),
                     Class::Zero => *measured += 1,
                     Class::Masked => {}
                 }
             }
+            let share = |(sum, measured): (i32, u32)| (f64::from(sum) / f64::from(measured)) as f32;
+            visit(lane, &sums.into_iter().map(share).collect::<Vec<_>>());
         }
-        sums.into_iter().map(|(sum, measured)| (sum as f64 / measured as f64) as f32).collect()
     }
 
     /// Finds the order of merging neighbouring angles in which coding `channels` with a quantiser step costs least, and

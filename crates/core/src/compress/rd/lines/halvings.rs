@@ -3,7 +3,8 @@
 use super::grid::{AXES, Grid};
 use super::guess::{Coefficients, coefficients};
 use super::neighbours::{Places, Recent};
-use super::pairs::sums;
+use super::weights::Weights;
+use std::borrow::Cow;
 
 /// One halving of a grid: merges neighbouring nodes along one axis in pairs, `children` to `parents`.
 pub(super) struct Halving {
@@ -17,14 +18,6 @@ pub(super) struct Halving {
     pub(super) guess: Vec<Coefficients>,
 }
 
-/// Weights of the samples of one spectral channel over all directions, and of their means over ever larger blocks of
-/// directions.
-struct Weights {
-    /// Weights of the grid nodes (directions, or blocks of merged directions) in means: one set for the full grid and
-    /// one after each merge of neighbours in pairs. A merged node weighs as much as its two parts together.
-    levels: Vec<Vec<f32>>,
-}
-
 /// All halvings of a grid (merges of neighbouring nodes along one axis), from the full one to a single node, and the
 /// weights of the nodes.
 pub(super) struct Halvings {
@@ -33,7 +26,9 @@ pub(super) struct Halvings {
     steps: Vec<Halving>,
     /// Weights of directions in means over blocks of directions: one set for each slice of the tensor or, with
     /// `by_plane`, for each spectral channel of each slice. The last set also serves all slices or channels after it.
-    weights: Vec<Weights>,
+    ///
+    /// A set holds the weights of the nodes of the full grid, and of those after each merge of neighbours in pairs.
+    weights: Vec<Vec<Weights>>,
     /// True if each spectral channel has its own weights of directions, with which means are formed; false if all
     /// channels share them.
     by_plane: bool,
@@ -45,12 +40,12 @@ impl Halvings {
     ///
     /// `weights` holds one set of weights of all grid nodes for each slice of the tensor or (`by_plane`) each spectral
     /// channel; the last set serves all later ones.
-    pub(super) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
+    pub(super) fn new(grid: &Grid, order: &[u8], weights: &[u8], by_plane: bool) -> Self {
         let mut children = grid.lengths();
         let first = children.iter().position(|&n| n > 1).unwrap_or(AXES - 1);
         let leaves = children.iter().product::<usize>();
-        let mut levels: Vec<Weights> =
-            weights.chunks(leaves.max(1)).map(|w| Weights { levels: vec![w.to_vec()] }).collect();
+        let mut levels: Vec<Vec<Weights>> =
+            weights.chunks(leaves.max(1)).map(|set| vec![Weights::Small(set.to_vec())]).collect();
         let mut halved = [0; AXES];
         let mut halvings = Vec::with_capacity(order.len());
         let rest = (0..AXES).flat_map(|axis| std::iter::repeat_n(axis, usize::BITS as usize));
@@ -66,9 +61,9 @@ impl Halvings {
             halved[axis] += 1;
             let guess = coefficients(&grid.lines[axis], halved[axis], wraps[axis]);
             for set in &mut levels {
-                if let Some(last) = set.levels.last() {
-                    let sums = sums(last, children, axis);
-                    set.levels.push(sums);
+                if let Some(last) = set.last() {
+                    let merged = last.merged(children, axis);
+                    set.push(merged);
                 }
             }
             let (places, recent) = (Places::new(parents, wraps), Recent::new(parents, wraps, first));
@@ -84,11 +79,21 @@ impl Halvings {
         &self.steps
     }
 
-    /// Returns the weights of grid nodes in means for spectral channel number `plane`, after `level` merges of
-    /// neighbours in pairs. Channels are numbered through all slices of the tensor, each of which has `vectors`
-    /// channels.
-    pub(super) fn weights_of(&self, (plane, vectors): (usize, usize), level: usize) -> &[f32] {
+    /// Returns the weights of grid nodes in means of a spectral channel, after `level` merges of neighbours in pairs.
+    /// `place` is the number of the channel, counted through all slices of the tensor, and the number of channels of a
+    /// slice.
+    pub(super) fn weights_of(&self, place: (usize, usize), level: usize) -> Cow<'_, [f32]> {
+        self.set_of(place)[level].floats()
+    }
+
+    /// Returns the weight of a whole spectral channel, at a `place` as in [`Halvings::weights_of`]: that of the single
+    /// node into which all directions merge.
+    pub(super) fn weight_of_all(&self, place: (usize, usize)) -> f32 {
+        self.set_of(place).last().map_or(0.0, Weights::first)
+    }
+
+    fn set_of(&self, (plane, vectors): (usize, usize)) -> &[Weights] {
         let set = if self.by_plane { plane } else { plane / vectors.max(1) };
-        &self.weights[set.min(self.weights.len() - 1)].levels[level]
+        &self.weights[set.min(self.weights.len() - 1)]
     }
 }

@@ -20,6 +20,7 @@ mod source;
 mod template;
 #[cfg(test)]
 mod tests;
+mod weights;
 
 pub(crate) use grid::{AXES, Grid, Line};
 pub(crate) use order::{code_order, order_of_halvings};

@@ -1,7 +1,8 @@
 //! Order of halvings: at each level, the axis along which neighbours resemble each other most.
 
 use super::grid::{AXES, Grid};
-use super::pairs::{halve, sums};
+use super::pairs::halve;
+use super::weights::Weights;
 use crate::codec::BitCoder;
 
 /// Finds the order in which to merge neighbouring angles of a grid in pairs along its axes, so that coding costs least.
@@ -13,7 +14,7 @@ use crate::codec::BitCoder;
 pub(crate) fn order_of_halvings(
     grid: &Grid,
     planes: &[f32],
-    (weights, run): (&[f32], usize),
+    (weights, run): (&[u8], usize),
     step: f64,
 ) -> (Vec<u8>, f64) {
     let leaves = grid.lengths().iter().product::<usize>();
@@ -24,7 +25,7 @@ pub(crate) fn order_of_halvings(
         let given = || planes[plane * leaves..][..leaves].iter().map(|&x| f64::from(x)).collect();
         halved.get(plane).cloned().unwrap_or_else(given)
     };
-    let mut weights: Vec<Vec<f32>> = weights.chunks_exact(leaves).map(<[f32]>::to_vec).collect();
+    let mut weights: Vec<Weights> = weights.chunks_exact(leaves).map(|set| Weights::Small(set.to_vec())).collect();
     let mut lengths = grid.lengths();
     let (mut order, mut all_bits) = (Vec::new(), 0.0);
     loop {
@@ -34,11 +35,11 @@ pub(crate) fn order_of_halvings(
             let circle = grid.lines[axis].period.is_some() && lengths[axis].is_multiple_of(2);
             let (mut bits, mut details) = (0.0, 0_u64);
             for plane in 0..count {
-                let (weights, mut own) = (&weights[set(plane)], values(&halved, plane));
+                let (weights, mut own) = (weights[set(plane)].floats(), values(&halved, plane));
                 let mut means = own.clone();
-                halve(&mut means, weights, (lengths, axis), |_, _, _| ());
+                halve(&mut means, &weights, (lengths, axis), |_, _, _| ());
                 let mut cost = Cost::new(&means, (lengths, axis, circle), step);
-                halve(&mut own, weights, (lengths, axis), |parent, detail, weight| {
+                halve(&mut own, &weights, (lengths, axis), |parent, detail, weight| {
                     cost.add(parent, detail, weight);
                     details += 1;
                 });
@@ -60,13 +61,13 @@ pub(crate) fn order_of_halvings(
         halved = (0..count)
             .map(|plane| {
                 let mut means = values(&halved, plane);
-                halve(&mut means, &weights[set(plane)], (lengths, axis), |_, _, _| ());
+                halve(&mut means, &weights[set(plane)].floats(), (lengths, axis), |_, _, _| ());
                 means.shrink_to_fit();
                 means
             })
             .collect();
         for weights in &mut weights {
-            *weights = sums(weights, lengths, axis);
+            *weights = weights.merged(lengths, axis);
         }
         lengths[axis] = lengths[axis].div_ceil(2);
     }

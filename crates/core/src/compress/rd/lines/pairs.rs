@@ -1,6 +1,7 @@
 //! Pairs of entries along an axis: sums of weights, weighted means and details.
 
 use super::grid::AXES;
+use std::ops::Add;
 
 /// Number of entries of the axes before `axis`, of this axis, and of the axes behind it.
 fn around(children: [usize; AXES], axis: usize) -> (usize, usize, usize) {
@@ -25,10 +26,13 @@ fn for_each_pair(children: [usize; AXES], axis: usize, mut each: impl FnMut(usiz
 
 /// Sums the weights of neighbouring grid nodes along an axis, pair by pair: the weights of the coarser nodes into which
 /// the pairs merge.
-pub(super) fn sums(weights: &[f32], children: [usize; AXES], axis: usize) -> Vec<f32> {
-    let mut sums = vec![0.0; weights.len() / children[axis] * children[axis].div_ceil(2)];
+pub(super) fn sums<T>(weights: &[T], children: [usize; AXES], axis: usize) -> Vec<T>
+where
+    T: Add<Output = T> + Copy + Default,
+{
+    let mut sums = vec![T::default(); weights.len() / children[axis] * children[axis].div_ceil(2)];
     for_each_pair(children, axis, |parent, first, second| {
-        sums[parent] = weights[first] + second.map_or(0.0, |second| weights[second]);
+        sums[parent] = weights[first] + second.map_or(T::default(), |second| weights[second]);
     });
     sums
 }

@@ -44,7 +44,7 @@ impl PairPyramid {
     ///
     /// `weights` holds one set of weights of all grid nodes for each slice of the tensor or (`by_plane`) each spectral
     /// channel; the last set serves all later ones.
-    pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
+    pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[u8], by_plane: bool) -> Self {
         let long: [bool; AXES] = grid.lengths().map(|n| n > 1);
         let templates = std::array::from_fn(|axis| Template::new(axis, long));
         Self { halvings: Halvings::new(grid, order, weights, by_plane), templates }
@@ -136,7 +136,7 @@ impl PairPyramid {
                         &mut PlaneOf {
                             class,
                             means: &mut coarse[at * (parents + 1)..][..=parents],
-                            weights: self.halvings.weights_of((plane, vectors), level),
+                            weights: &self.halvings.weights_of((plane, vectors), level),
                             wanted: source.as_ref().map(|source| source.details(level, plane, parents)),
                             per_step: 1.0 / step,
                             dead_zone,
@@ -179,8 +179,7 @@ impl PairPyramid {
         kept: &mut u64,
     ) -> Vec<f32> {
         let root = |plane: usize| {
-            let weight =
-                self.halvings.weights_of((plane, vectors), self.halvings.all().len()).first().copied().unwrap_or(0.0);
+            let weight = self.halvings.weight_of_all((plane, vectors));
             if weight <= 0.0 {
                 return 0.0;
             }

@@ -48,7 +48,7 @@ impl Source {
                 for (level, halving) in halvings.all().iter().enumerate() {
                     let to = &mut details[level][at * halving.parents.count()..];
                     let weights = halvings.weights_of((number * group + at, vectors), level);
-                    halve(&mut values, weights, (halving.children, halving.axis), |parent, detail, _| {
+                    halve(&mut values, &weights, (halving.children, halving.axis), |parent, detail, _| {
                         to[parent] = detail as f32;
                     });
                 }

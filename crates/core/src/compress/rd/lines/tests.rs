@@ -8,7 +8,7 @@ use arbtest::arbtest;
 use std::borrow::Cow;
 
 /// Encodes spectral channels on a grid, halved in the best order of axes; returns the bytes and the decoded values.
-fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>, Vec<f32>) {
+fn encoded(grid: &Grid, planes: &[f32], weights: &[u8], step: f64) -> (Vec<u8>, Vec<f32>) {
     let count = planes.len() / grid.lengths().iter().product::<usize>();
     let mut encoder = Encoder::default();
     let order = code_order(&mut encoder, grid, &order_of_halvings(grid, planes, (weights, 1), step).0);
@@ -24,7 +24,7 @@ fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>,
     (encoder.finish(), values)
 }
 
-fn decoded(grid: &Grid, bytes: &[u8], (planes, weights): (usize, &[f32]), step: f64, left_out: usize) -> Vec<f32> {
+fn decoded(grid: &Grid, bytes: &[u8], (planes, weights): (usize, &[u8]), step: f64, left_out: usize) -> Vec<f32> {
     let mut decoder = Decoder::new(bytes);
     let order = code_order(&mut decoder, grid, &[]);
     let pyramid = PairPyramid::new(grid, &order, weights, true);
@@ -59,7 +59,7 @@ fn a_smooth_lobe_takes_the_bytes_of_the_prototype() {
     // Code lengths of the numerical reference, without the order of halvings and the end of the range coder.
     let (grid, lobe) = lobe();
     for (step, reference, error) in [(0.2, 60.3, 0.0268), (0.035, 147.3, 0.0072), (0.005, 324.9, 0.0013)] {
-        let (bytes, values) = encoded(&grid, &lobe, &[1.0; 24 * 36], step);
+        let (bytes, values) = encoded(&grid, &lobe, &[1; 24 * 36], step);
         let squares = values.iter().zip(&lobe).map(|(a, b)| f64::from(a - b) * f64::from(a - b)).sum::<f64>();
         let found = (squares / lobe.len() as f64).sqrt();
         assert!((bytes.len() as f64) < reference, "{step}: {} bytes", bytes.len());
@@ -70,7 +70,7 @@ fn a_smooth_lobe_takes_the_bytes_of_the_prototype() {
 #[test]
 fn bytes_and_values_stay_as_they_are() {
     let (grid, lobe) = lobe();
-    let weights: Vec<f32> = (0..lobe.len()).map(|i| if i % 7 == 3 { 0.0 } else { 1.0 }).collect();
+    let weights: Vec<u8> = (0..lobe.len()).map(|i| u8::from(i % 7 != 3)).collect();
     let planes: Vec<f32> = lobe.iter().copied().chain(lobe.iter().map(|x| x * x)).collect();
     let (bytes, values) = encoded(&grid, &planes, &weights, 0.03);
     let digest = |bytes: &[u8]| blake3::hash(bytes).to_hex()[..16].to_string();
@@ -84,7 +84,7 @@ fn bytes_and_values_stay_as_they_are() {
 #[test]
 fn errors_of_details_are_errors_of_leaves() {
     let (grid, lobe) = lobe();
-    let weights: Vec<f32> = (0..lobe.len()).map(|i| [1.0, 0.0, 2.5, 1.0, 0.25][i % 5]).collect();
+    let weights: Vec<u8> = (0..lobe.len()).map(|i| [4, 0, 10, 4, 1][i % 5]).collect();
     let step = 0.05;
     let (_, values) = encoded(&grid, &lobe, &weights, step);
     let order = order_of_halvings(&grid, &lobe, (&weights, 1), step).0;
@@ -94,14 +94,11 @@ fn errors_of_details_are_errors_of_leaves() {
         let mut all: Vec<f64> = planes.iter().map(|&x| f64::from(x)).collect();
         for (level, halving) in pyramid.halvings().all().iter().enumerate() {
             let at = (halving.children, halving.axis);
-            super::pairs::halve(&mut all, pyramid.halvings().weights_of((0, 1), level), at, |_, detail, weight| {
+            super::pairs::halve(&mut all, &pyramid.halvings().weights_of((0, 1), level), at, |_, detail, weight| {
                 details.push(weight.sqrt() * detail);
             });
         }
-        let root =
-            f64::from(pyramid.halvings().weights_of((0, 1), pyramid.halvings().all().len()).first().copied().unwrap())
-                .sqrt()
-                * all[0];
+        let root = f64::from(pyramid.halvings().weight_of_all((0, 1))).sqrt() * all[0];
         details.push(root);
         details
     });
@@ -116,7 +113,7 @@ fn errors_of_details_are_errors_of_leaves() {
 #[test]
 fn coarser_levels_are_means_of_blocks() {
     let (grid, lobe) = lobe();
-    let weights = [1.0; 24 * 36];
+    let weights = [1; 24 * 36];
     let (bytes, values) = encoded(&grid, &lobe, &weights, 0.01);
     let order = code_order(&mut Decoder::new(&bytes), &grid, &[]);
     let pyramid = PairPyramid::new(&grid, &order, &weights, true);
@@ -125,7 +122,7 @@ fn coarser_levels_are_means_of_blocks() {
         let mut means: Vec<f64> = values.iter().map(|&x| f64::from(x)).collect();
         for (level, halving) in pyramid.halvings().all().iter().enumerate().take(left_out) {
             let at = (halving.children, halving.axis);
-            super::pairs::halve(&mut means, pyramid.halvings().weights_of((0, 1), level), at, |_, _, _| {});
+            super::pairs::halve(&mut means, &pyramid.halvings().weights_of((0, 1), level), at, |_, _, _| {});
         }
         assert_eq!(coarse.len(), means.len());
         assert!(coarse.iter().zip(&means).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5), "{left_out}");
@@ -135,10 +132,10 @@ fn coarser_levels_are_means_of_blocks() {
 #[test]
 fn samples_without_weight_cost_nothing() {
     let (grid, lobe) = lobe();
-    let (bytes, values) = encoded(&grid, &lobe, &[0.0; 24 * 36], 0.01);
+    let (bytes, values) = encoded(&grid, &lobe, &[0; 24 * 36], 0.01);
     assert!(bytes.len() <= 2 && values.iter().all(|&x| x == 0.0));
-    let mut weights = [1.0; 24 * 36];
-    weights[36..72].fill(0.0);
+    let mut weights = [1; 24 * 36];
+    weights[36..72].fill(0);
     let mut other = lobe.clone();
     other[36..72].fill(1e9);
     assert_eq!(encoded(&grid, &lobe, &weights, 0.01).0, encoded(&grid, &other, &weights, 0.01).0);
@@ -171,7 +168,7 @@ fn decoders_have_what_encoders_say() {
         };
         let values: Vec<f32> = (0..planes * leaves).map(|_| scale * (next() - 0.5)).collect();
         let sets = if own_weights { planes } else { 1 };
-        let weights: Vec<f32> = (0..sets * leaves).map(|_| (4.0 * next()).floor() * 0.5).collect();
+        let weights: Vec<u8> = (0..sets * leaves).map(|_| (4.0 * next()) as u8).collect();
         let (bytes, had) = encoded(&grid, &values, &weights, step);
         let found = decoded(&grid, &bytes, (planes, &weights), step, 0);
         assert_eq!(bits(&found), bits(&had));
@@ -187,7 +184,7 @@ fn any_bytes_decode_to_something() {
         let (grid, bytes) = (grid(u)?, any_list::<u8>(u, 0..=599)?);
         let step = *u.choose(&[1e-30_f64, 0.01, 1e30])?;
         let leaves = grid.lengths().iter().product::<usize>();
-        let found = decoded(&grid, &bytes, (3, &vec![1.0; leaves]), step, 0);
+        let found = decoded(&grid, &bytes, (3, &vec![1; leaves]), step, 0);
         assert_eq!(found.len(), 3 * leaves);
         Ok(())
     })
