@@ -274,12 +274,15 @@ fn check_parts(file: &[u8], measurement: &Measurement, found: &[f32]) {
     }
 }
 
+/// Seeds of grids that broke a promise once: a negative sample was further off than the largest one under a floor.
+const ONCE_BROKEN: [u64; 1] = [6384];
+
 #[test]
 fn random_grids_keep_every_promise() {
     let number = |name: &str, usual: u64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
     let (count, first) = (number("WAVELUME_GRIDS", 300), number("WAVELUME_GRIDS_FROM", 0));
     let mut refused = 0;
-    for seed in first..first + count {
+    for seed in (first..first + count).chain(ONCE_BROKEN) {
         let mut random = Random(seed.wrapping_mul(0x2545_F491_4F6C_DD1D));
         let measurement = random.measurement();
         let settings = random.settings(&measurement);

@@ -184,15 +184,22 @@ fn every_form_of_planes_comes_back() {
         );
         assert!(comes_back(&text), "{text}");
     }
-    for (symmetry, stored) in [(0, 8), (1, 1), (2, 5), (3, 5), (4, 3)] {
-        let mut lines: Vec<String> = ["a company", "3", &symmetry.to_string(), "8", "45"].map(str::to_owned).into();
+    // The last has planes every 45° without saying so.
+    for (symmetry, stored, step) in [(0, 8, "45"), (1, 1, "45"), (2, 5, "45"), (3, 5, "45"), (4, 3, "45"), (1, 1, "0")]
+    {
+        let mut lines: Vec<String> = ["a company", "3", &symmetry.to_string(), "8", step].map(str::to_owned).into();
         lines.extend(["2", "90", "r", "l", "n", "f", "d"].map(str::to_owned));
         lines.extend((0..9).map(|_| "1.5".to_owned()));
         lines.extend(["100", "80", "1.25", "0", "1", "1", "lamp", "500", "warm", "", "9"].map(str::to_owned));
         lines.extend((0..10).map(|i| format!("0.{i}")));
         lines.extend((0..8).map(|plane| (45 * plane).to_string()).chain(["0".to_owned(), "90".to_owned()]));
         lines.extend((0..2 * stored).map(|i| format!("{:.1}", 0.3 + 1.7 * f64::from(i))));
-        assert!(comes_back(&(lines.join("\n") + "\n")), "{symmetry}");
+        let text = lines.join("\n") + "\n";
+        assert!(comes_back(&text), "{symmetry}");
+        let read = read(text.as_bytes(), &Interpretation::default()).unwrap();
+        let file = restate(&on_grid(&read), &Origin::of(&read), Digits::Shortest).unwrap();
+        let listed = (0..8).map(|plane| (45 * plane).to_string()).collect::<Vec<_>>().join("\r\n");
+        assert!(String::from_utf8_lossy(&file.bytes).contains(&listed), "{symmetry}");
     }
 }
 
@@ -335,5 +342,15 @@ fn files_that_the_angles_or_the_options_do_not_fit_are_sampled_anew() {
         panic!("type B has no C planes")
     };
     assert!(reason.contains("expected type C"), "{reason}");
+    // EULUMDAT finds C90 and C270 by their number, so their quarters need as many planes.
+    let uneven = "IESNA:LM-63-2002\n[TEST] x\nTILT=NONE\n1 1000 1 2 4 1 2 0.1 0.1 0\n1 1 10\n0 90\n90 120 200 270\n\
+                  100 50 100 60 100 70 100 80\n";
+    let uneven = compressed(uneven.as_bytes(), Target::Lossless, true);
+    let OnGrid::Resample(Some(reason)) =
+        export_on_grid(&uneven, ExportFormat::Eulumdat, &ExportOptions::default()).unwrap()
+    else {
+        panic!("the planes cannot be listed")
+    };
+    assert!(reason.contains("not with these planes"), "{reason}");
     assert!(export_on_grid(b"no material", ExportFormat::Lm63, &ExportOptions::default()).is_err());
 }

@@ -88,17 +88,29 @@ pub(super) fn best_of(
     let (axes, samples) = (measurement.tensor.axes(), measurement.tensor.samples());
     let values = Values::of(settings.target, samples);
     let has_negative = samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
-    let keeps = |file: &Compressed| file.summary.errors.max_absolute_error_unscored <= f64::from(floor);
+    let largest_negative = samples.iter().fold(0.0_f32, |largest, &s| largest.max(-s));
+    // Bounds that samples without a relative error break: 0 none, 1 the floor, 2 the largest negative magnitude, too.
+    let breach = |file: &Compressed| {
+        let off = file.summary.errors.max_absolute_error_unscored;
+        if off <= f64::from(floor) { 0 } else { 1 + u8::from(off > f64::from(largest_negative)) }
+    };
+    let keeps = |file: &Compressed| breach(file) == 0;
     let attempt = |below| match with(below, Negative::Bounded) {
         Ok(file) if keeps(&file) => Ok((file, Negative::Bounded)),
         Err(CompressError::Cancelled(cancelled)) => Err(CompressError::Cancelled(cancelled)),
-        _ if has_negative => with(below, Negative::Weighed).map(|file| (file, Negative::Weighed)),
+        bounded if has_negative => {
+            let bounded = bounded.map(Compressed::without_samples);
+            match (bounded, with(below, Negative::Weighed)) {
+                (Ok(bounded), Ok(weighed)) if breach(&bounded) < breach(&weighed) => Ok((bounded, Negative::Bounded)),
+                (_, weighed) => weighed.map(|file| (file, Negative::Weighed)),
+            }
+        }
         failed => failed.map(|file| (file, Negative::Bounded)),
     };
     let by_size = matches!(settings.target, Target::Bytes(_) | Target::Ratio(_) | Target::Auto);
     let better = |first: Result<Compressed, CompressError>, second: Result<Compressed, CompressError>| {
         let is_better = match (&first, &second) {
-            (Ok(first), Ok(second)) if keeps(first) != keeps(second) => keeps(second),
+            (Ok(first), Ok(second)) if breach(first) != breach(second) => breach(second) < breach(first),
             (Ok(first), Ok(second)) if by_size => second.summary.errors.er_l2 < first.summary.errors.er_l2,
             (Ok(first), Ok(second)) => second.bytes.len() < first.bytes.len(),
             (Err(_), Ok(_)) => true,

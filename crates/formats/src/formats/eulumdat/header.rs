@@ -13,6 +13,8 @@ use crate::notes::LuminaireNote;
 pub(super) struct Header {
     pub(super) symmetry: usize,
     pub(super) planes: usize,
+    /// Distance between C planes in degrees, if the file states it.
+    plane_step: Option<f64>,
     pub(super) angles: usize,
     conversion: f64,
     /// Light output ratio of the luminaire in percent.
@@ -106,7 +108,12 @@ impl Header {
         if sets.len() > 1 {
             report.note(LuminaireNote::AlternativeLampSets { sets: sets.len() });
         }
-        Ok(Self { symmetry, planes, angles, conversion: conversion.unwrap_or(1.0), output_ratio, sets })
+        Ok(Self { symmetry, planes, plane_step, angles, conversion: conversion.unwrap_or(1.0), output_ratio, sets })
+    }
+
+    /// Returns true if the number of C planes and the distance between them, as the file states them, make a circle.
+    pub(super) fn has_even_planes(&self) -> bool {
+        is_circle(self.planes as f64, self.plane_step.unwrap_or(0.0))
     }
 
     pub(super) fn is_absolute(&self) -> bool {
@@ -164,6 +171,11 @@ impl Header {
             });
         }
     }
+}
+
+/// Returns true if `count` C planes that are `step` degrees apart make a circle, or if there is only one.
+pub(super) fn is_circle(count: f64, step: f64) -> bool {
+    count <= 1.0 || (count * step - 360.0).abs() < 1e-9
 }
 
 /// Formats a number of the header for the metadata; empty for a blank line.

@@ -18,6 +18,9 @@ const SYMMETRIES: [&str; 5] = [
     "quadrant symmetric",
 ];
 
+/// Metadata key of the angles of all C planes that an axially symmetric file lists, in degrees, if they are not even.
+pub(super) const LISTED: &str = "c_angles";
+
 /// Reads the stored C planes of an EULUMDAT file, the azimuths that they represent, and the symmetry in words.
 /// Intensities are `scale` times the stored numbers.
 pub(super) fn read(
@@ -43,7 +46,14 @@ pub(super) fn read(
     };
     let (horizontal, intensities, stand_for) = match symmetry {
         0 => (listed, intensities, Planes::Circle),
-        1 => (vec![(0.0, listed[0].1)], intensities, Planes::ByAngles),
+        1 => {
+            if !header.has_even_planes() {
+                // No values tell them again when the file is written anew.
+                let angles: Vec<String> = listed.iter().map(|(angle, _)| angle.to_string()).collect();
+                report.metadata.push((LISTED.to_owned(), angles.join(" ")));
+            }
+            (vec![(0.0, listed[0].1)], intensities, Planes::ByAngles)
+        }
         3 => {
             // C270 … C0 … C90 is stored; its mirror images C(180 − C) are C270 … C180 … C90.
             let chosen: Vec<(f64, usize)> = (0..planes).map(|i| listed[(3 * mc / 4 + i) % mc]).collect();

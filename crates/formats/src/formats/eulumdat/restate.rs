@@ -3,9 +3,13 @@
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
 use super::about::NAME;
-use super::header::{DIMENSIONS, ROOM_INDICES};
+use super::header::{DIMENSIONS, ROOM_INDICES, is_circle};
+use super::planes::LISTED;
 use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{AzimuthExtent, Frame, Unit};
+
+/// Upper bound on the C planes that a file without values for them lists.
+const MOST_PLANES: usize = 720;
 
 /// Metadata keys of the six lines with which an EULUMDAT file describes one set of lamps. The reader stores the text of
 /// each line under its key.
@@ -25,7 +29,7 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
         return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
     }
     let Some((symmetry, listed)) = planes(grid, azimuths.map(|azimuths| azimuths.extent), stored) else {
-        return unfit(NAME, "C planes with a symmetry that the format does not have");
+        return unfit(NAME, "C planes with a symmetry that the format does not have, or not with these planes");
     };
     let factor = factor(grid)?;
     let mut lines: Vec<String> = Vec::new();
@@ -55,15 +59,20 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
 }
 
 /// Returns the number `Isym` of the symmetry, and the azimuths C of all planes on the circle: the stored ones and their
-/// mirror images. `None` if EULUMDAT has no such symmetry.
+/// mirror images. `None` if EULUMDAT has no such symmetry, or cannot list these planes with it.
 fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64]) -> Option<(u8, Vec<f64>)> {
     let ends = (stored[0], stored[stored.len() - 1]);
     let mut listed = stored.to_vec();
     let symmetry = match (extent, ends) {
         (None, _) => {
             // The other planes, which have no values, are listed as well.
+            let angles = grid.kept(LISTED).unwrap_or_default().split_whitespace().map(str::parse::<f64>);
+            let angles: Vec<f64> = angles.map_while(Result::ok).take(MOST_PLANES).collect();
+            if !angles.is_empty() {
+                return Some((1, angles));
+            }
             let (count, step) = (grid.number("c_planes").unwrap_or(1.0), grid.number("c_step").unwrap_or(0.0));
-            let is_even = (1.0..=720.0).contains(&count) && (count * step - 360.0).abs() < 1e-9;
+            let is_even = (1.0..=MOST_PLANES as f64).contains(&count) && is_circle(count, step);
             let count = if is_even { count as usize } else { 1 };
             return Some((1, (0..count).map(|plane| plane as f64 * step).collect()));
         }
@@ -80,6 +89,11 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
         (Some(AzimuthExtent::MirroredAt90), (90.0, 270.0)) => {
             listed.extend(stored[1..stored.len() - 1].iter().map(|c| (540.0 - c) % 360.0));
             listed.sort_by(f64::total_cmp);
+            // C90 and C270 are found by their number in the list of all planes.
+            let quarter = listed.len() / 4;
+            if !listed.len().is_multiple_of(4) || (listed[quarter], listed[3 * quarter]) != (90.0, 270.0) {
+                return None;
+            }
             3
         }
         (Some(AzimuthExtent::Circle | AzimuthExtent::Closed), _) => 0,
