@@ -88,11 +88,11 @@ pub(super) fn best_of(
     let (axes, samples) = (measurement.tensor.axes(), measurement.tensor.samples());
     let values = Values::of(settings.target, samples);
     let has_negative = samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
-    let largest_negative = samples.iter().fold(0.0_f32, |largest, &s| largest.max(-s));
+    let lowest = measurement.tensor.range().map_or(0.0, |(lowest, _)| lowest);
     // Bounds that samples without a relative error break: 0 none, 1 the floor, 2 the largest negative magnitude, too.
     let breach = |file: &Compressed| {
         let off = file.summary.errors.max_absolute_error_unscored;
-        if off <= f64::from(floor) { 0 } else { 1 + u8::from(off > f64::from(largest_negative)) }
+        if off <= f64::from(floor) { 0 } else { 1 + u8::from(off > f64::from(-lowest)) }
     };
     let keeps = |file: &Compressed| breach(file) == 0;
     let attempt = |below| match with(below, Negative::Bounded) {

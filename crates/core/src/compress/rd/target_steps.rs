@@ -21,8 +21,7 @@ use std::ops::RangeInclusive;
 const SELECTED: f64 = 3.0;
 
 /// Largest size in bytes of coded samples on a grid of angles for which all quantiser steps near the one that the
-/// search found are tried. Raising it costs time: about 40 trials or more, about half as many
-/// for tables above [`FEW_SAMPLES`].
+/// search found are tried. Raising it costs time: some 40 trials, half as many for tables above [`FEW_SAMPLES`].
 const SMALL_GRID: usize = 1 << 14;
 
 /// Largest number of samples for which additional spectral basis vectors, steps far coarser than those found, and all

@@ -250,8 +250,8 @@ impl Planes {
     /// Computes the fraction of positive minus that of negative samples among the measured ones, for each node of a
     /// coarser grid. NaN if none is measured. Copies of a direction at a pole are left out.
     ///
-    /// `visit` gets the fractions of one wavelength after the other, as those of all would take twice the memory of the
-    /// coarser grid's samples.
+    /// `visit` gets the number of a wavelength and its fractions, one wavelength after the other. All fractions would
+    /// take twice the memory of the coarser grid's samples.
     pub(super) fn visit_shares(&self, classes: &[Class], lines: &[Nodes], mut visit: impl FnMut(usize, &[f32])) {
         let n = self.length();
         let nodes = self.lattice.nodes_of_leaves(lines);

@@ -11,7 +11,7 @@ pub(super) struct Halving {
     pub(super) axis: usize,
     pub(super) children: [usize; AXES],
     pub(super) parents: Places,
-    /// Places of the errors of predictions at the nodes, which are read only while nodes shortly after them are coded.
+    /// Places for the errors of predictions at the nodes: coding a node reads those of nodes shortly before it.
     pub(super) recent: Recent,
     /// Filter that predicts the difference of the two children of a node from the means of the node's neighbours, for
     /// each node of the coarser axis.
