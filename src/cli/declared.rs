@@ -63,7 +63,8 @@ pub(super) fn argument(declared: &'static Declared) -> Arg {
         return argument.value_parser(clap::value_parser!(PathBuf));
     }
     let read = move |text: &str| declared.read(text);
-    argument.value_parser(ValueParser::new(read)).default_values(default_text(declared))
+    // A negative number is refused with the allowed range, not as an unknown option.
+    argument.allow_negative_numbers(true).value_parser(ValueParser::new(read)).default_values(default_text(declared))
 }
 
 /// Returns the value that the user stated for an option on the command line. If the value is a file, it is `None`:

@@ -75,7 +75,8 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
 
 fn read_manifest(path: &Path) -> Result<serde_json::Value, Failure> {
     let bytes = read_within(path, MAX_MANIFEST_BYTES)?;
-    serde_json::from_slice(&bytes).map_err(|error| Failure::failed(format!("manifest: {error}")).about(path))
+    serde_json::from_slice(&bytes)
+        .map_err(|error| Failure::failed(format!("the manifest is not valid JSON: {error}")).about(path))
 }
 
 /// Reads a whole file. A file of more than `limit` bytes is refused.

@@ -17,7 +17,7 @@ fn an_array_needs_its_manifest() {
     done(&["compress", &bare, "-o", &out, "--quantity", "brdf", "--wavelengths", "400:600:50"]);
     fs::write(dir.path().join("bare.axes.json"), "{").unwrap();
     let line = refused(1, &["compress", &bare, "-o", &out]);
-    assert!(line.contains("bare.axes.json: manifest: "), "{line}");
+    assert!(line.contains("bare.axes.json: the manifest is not valid JSON: "), "{line}");
 }
 
 #[test]

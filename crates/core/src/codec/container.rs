@@ -278,7 +278,7 @@ fn read_chunk<'a>(r: &mut Reader<'a>, announced: Announced) -> Result<Chunk<'a>,
     }
     let length = announced.read_length(r)?;
     let offset = r.offset();
-    let payload = r.take(length, "chunk payload")?;
+    let payload = r.take(length, "the rest of a chunk")?;
     let covered = r.since(start);
     let stored = r.take(CHECKSUM, "chunk checksum")?;
     if stored != checksum(kind, covered) {
@@ -303,7 +303,7 @@ fn cut_chunk<'a>(r: &Reader<'a>, announced: Announced) -> Result<Option<Option<C
     if there >= length.saturating_add(CHECKSUM) {
         return Ok(None);
     }
-    let payload = r.take(length.min(there), "chunk payload")?;
+    let payload = r.take(length.min(there), "the rest of a chunk")?;
     let end = offset.saturating_add(length).saturating_add(CHECKSUM);
     Ok(Some(Some(Chunk { kind: announced.kind, payload, length, offset, span: (start, end) })))
 }

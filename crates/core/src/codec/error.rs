@@ -16,7 +16,7 @@ pub enum CodecError {
         expected: u8,
     },
     /// The file is truncated.
-    #[error("byte {at}: the file ends where {expected} was expected")]
+    #[error("byte {at}: the file is cut short: it ends where {expected} was expected")]
     Truncated {
         /// Offset in the file at which the missing field was expected, in bytes.
         at: usize,

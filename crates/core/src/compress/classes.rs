@@ -42,12 +42,18 @@ pub(super) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Optio
 /// Turns decoded magnitudes into samples by the class of each sample: positive ones stay, negative ones change sign,
 /// zeros become 0 and masked ones NaN.
 pub(super) fn apply_classes(classes: &[Class], samples: &mut [f32]) {
-    for (sample, class) in samples.iter_mut().zip(classes) {
-        match class {
-            Class::Positive => {}
-            Class::Negative => *sample = -*sample,
-            Class::Zero => *sample = 0.0,
-            Class::Masked => *sample = f32::NAN,
-        }
+    for (sample, &class) in samples.iter_mut().zip(classes) {
+        *sample = sample_of(class, *sample);
+    }
+}
+
+/// Returns the sample of a decoded magnitude.
+#[inline]
+pub(super) fn sample_of(class: Class, magnitude: f32) -> f32 {
+    match class {
+        Class::Positive => magnitude,
+        Class::Negative => -magnitude,
+        Class::Zero => 0.0,
+        Class::Masked => f32::NAN,
     }
 }

@@ -1,5 +1,6 @@
 //! Result of a compression: the file, its errors, and the search that found it.
 
+use super::below_floor::BelowFloor;
 use super::decode::{Decoded, decode};
 use super::effort::Effort;
 use super::light::LightReport;
@@ -19,6 +20,8 @@ pub struct Compressed {
     pub(crate) decoded: Option<Measurement>,
     /// Summary of the file, with the errors of the decoded bytes in full precision (the header rounds them).
     pub summary: Summary,
+    /// Errors of the samples that the floor leaves out of the relative errors.
+    pub(crate) below_floor: BelowFloor,
     /// Errors of the directional albedo or flux of the decoded file against the measurement; `None` without directions.
     pub light: Option<LightReport>,
     /// Colour differences between decoded file and measurement; `None` unless the target bounds them.

@@ -1,5 +1,6 @@
 //! Last step of every policy: decodes the parts of a file again, and writes the measured errors into its header.
 
+use super::below_floor::BelowFloor;
 use super::compressed::{Compressed, Ranked};
 use super::decode::{open, samples_behind};
 use super::effort::Effort;
@@ -26,7 +27,9 @@ pub(super) fn finish(
         return Err(refusal::beyond_float32(&parts.header, at, measurement.tensor.samples()[at]));
     }
     let floor = f64::from(parts.header.floor);
-    parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);
+    parts.header.errors =
+        ErrorReport::at_directions(measurement.tensor.axes(), measurement.tensor.samples(), &decoded, floor);
+    let below_floor = BelowFloor::measure(measurement.tensor.samples(), &decoded, parts.header.floor);
     let light = Light::of(measurement.quantity, measurement.tensor.axes());
     let light = light.map(|light| light.report(measurement.tensor.samples(), &decoded));
     let decoded = Tensor::new(measurement.tensor.axes().to_vec(), decoded).map_err(SettingError::Tensor)?;
@@ -38,5 +41,15 @@ pub(super) fn finish(
     summary.axes = measurement.tensor.axes().to_vec();
     let ranking =
         vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
-    Ok(Compressed { bytes, decoded, summary, light, colour: None, ranking, noise: None, effort: Effort::default() })
+    Ok(Compressed {
+        bytes,
+        decoded,
+        summary,
+        below_floor,
+        light,
+        colour: None,
+        ranking,
+        noise: None,
+        effort: Effort::default(),
+    })
 }

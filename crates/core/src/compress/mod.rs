@@ -7,6 +7,7 @@
 //!   thresholds on L2-normalised coefficients, kept coefficients stored exactly.
 //! * `lossless`: every bit of every sample, and of the numbers that a file states beside one common factor.
 
+mod below_floor;
 mod between;
 mod classes;
 mod compressed;

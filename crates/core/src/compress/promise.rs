@@ -156,12 +156,11 @@ pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> 
         }
         _ => {}
     }
-    let floored = errors.below_floor_samples > 0 && settings.policy == Policy::Rd;
-    if floored && errors.max_absolute_error_unscored > f64::from(floor) {
+    if settings.policy == Policy::Rd && !compressed.below_floor.keeps(floor) {
         return Err(UnreachableError::Floor {
             wanted: settings.floor.unwrap_or_default(),
             floor: f64::from(floor),
-            found: errors.max_absolute_error_unscored,
+            found: compressed.below_floor.small(),
         });
     }
     Ok(())

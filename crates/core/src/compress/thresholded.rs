@@ -166,6 +166,7 @@ impl<'a> Work<'a> {
         progress: &dyn Progress,
         accepts: impl Fn(&ErrorReport) -> bool,
     ) -> Result<f32, CompressError> {
+        let (axes, samples) = (self.measurement.tensor.axes(), self.measurement.tensor.samples());
         let mut decoded = vec![0.0; self.coefficients.len()];
         let keeps = |threshold: f64| {
             if progress.is_cancelled() {
@@ -174,12 +175,12 @@ impl<'a> Work<'a> {
             self.tally.add(decoded.len());
             self.scales.threshold(threshold as f32, &self.coefficients, &mut decoded);
             self.plan.inverse(&mut decoded);
-            for (value, &s) in decoded.iter_mut().zip(self.measurement.tensor.samples()) {
+            for (value, &s) in decoded.iter_mut().zip(samples) {
                 if s.is_nan() {
                     *value = f32::NAN;
                 }
             }
-            let errors = ErrorReport::measure(self.measurement.tensor.samples(), &decoded, f64::from(self.floor));
+            let errors = ErrorReport::at_directions(axes, samples, &decoded, f64::from(self.floor));
             Ok(accepts(&errors))
         };
         Ok(largest(self.scale(), REFINEMENTS, keeps)?.map_or(0.0, |threshold| threshold as f32))
@@ -267,7 +268,7 @@ impl<'a> Work<'a> {
             self.tally.add(decoded.len());
             let masked: Vec<f32> =
                 original.iter().zip(decoded).map(|(s, &d)| if s.is_nan() { f32::NAN } else { d }).collect();
-            ErrorReport::measure(original, &masked, f64::from(self.floor))
+            ErrorReport::at_directions(axes, original, &masked, f64::from(self.floor))
         };
         let er_l2 = |decoded: &[f32]| if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).er_l2 };
         // Margin for the coefficients below dead nodes, which are not coded.

@@ -2,6 +2,7 @@
 
 use super::figures::{shown, two_digits_up};
 use super::policy::Policy;
+use super::settings::ALBEDO_ERROR;
 use super::target::Target;
 use crate::codec::CodecError;
 
@@ -197,7 +198,7 @@ fn cannot_follow((name, wanted): (&str, f64), closest: f64, (basis, linear): (&s
     } else {
         "a larger error".to_owned()
     };
-    let another = if basis == KLT { ", another basis (auto, bior4.4)" } else { "" };
+    let another = if basis == KLT { ", another basis (auto; without random access also bior4.4)" } else { "" };
     format!(
         "{name} {}: with basis {basis} the closest file is off by {}: {why}; ask for {instead}{another}, or lossless",
         shown(wanted),
@@ -262,8 +263,11 @@ fn with_longer_request(bytes: u64, least: f64) -> f64 {
 }
 
 fn missed(option: &str, (wanted, found): (f64, f64), basis: &str) -> String {
-    let more = if found.is_finite() {
-        format!("{option} {} or more", shown(two_digits_up(1.05 * found)))
+    let enough = two_digits_up(1.05 * found);
+    let more = if option == "albedo_error" && !ALBEDO_ERROR.allow(enough) {
+        "a file without a bound on the light".to_owned()
+    } else if found.is_finite() {
+        format!("{option} {} or more", shown(enough))
     } else {
         "a larger one".to_owned()
     };

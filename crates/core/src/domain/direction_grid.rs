@@ -99,6 +99,9 @@ impl Frame {
 const AT_POLE: f64 = 1e-12;
 /// Tolerance in degrees at the ends of an angular range, for the rounding of inverse trigonometric functions.
 const ROUNDING: f64 = 1e-9;
+/// Distance in degrees within which a direction beyond the border of a grid counts as on it. It is larger than the
+/// error of directions in float32 or with six digits, which would otherwise miss the values measured on the border.
+const BORDER: f64 = 1e-5;
 /// Largest azimuth accepted in a file, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
 
@@ -410,11 +413,38 @@ impl DirectionGrid {
         self.frame.direction(self.polar[entry / width], azimuth)
     }
 
+    /// Returns true if all azimuths at polar angle number `row` are one direction.
+    pub fn is_pole(&self, row: usize) -> bool {
+        let (low, high) = self.frame.polar_range();
+        let polar = self.polar[row];
+        polar == low || polar == high
+    }
+
+    /// Returns the groups of entries that are one direction: all azimuths at a pole, and the first and last azimuth of
+    /// a closed circle.
+    pub(crate) fn coinciding(&self) -> Vec<Vec<u32>> {
+        let [rows, columns] = self.shape();
+        if columns == 1 {
+            return Vec::new();
+        }
+        let is_closed = self.azimuths.as_ref().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Closed);
+        let of_row = |row: usize| {
+            let entries = (row * columns) as u32..((row + 1) * columns) as u32;
+            if self.is_pole(row) {
+                Some(entries.collect())
+            } else {
+                is_closed.then(|| vec![entries.start, entries.end - 1])
+            }
+        };
+        (0..rows).filter_map(of_row).collect()
+    }
+
     /// Returns the polar angle and the azimuth, in degrees and after mirroring, at which the grid gives the value of
     /// `direction`; `None` outside the covered angles.
     ///
     /// A pole gets the first azimuth if its own is not covered. Beyond the first and last polar angle the result is the
-    /// nearer of the two. Below the first of mirrored latitudes it lies between that latitude and its mirror image.
+    /// nearer of the two. Below the first of mirrored latitudes it lies between that latitude and its mirror image. A
+    /// direction within 10⁻⁵ degrees of the border counts as on it.
     pub fn angles(&self, direction: Direction) -> Option<[f64; 2]> {
         self.held(self.frame.angles(direction))
     }
@@ -432,10 +462,20 @@ impl DirectionGrid {
         };
         let azimuth = self.azimuths.as_ref().map_or(0.0, |azimuths| azimuths.folded(azimuth));
         let (low, high) = self.covers_azimuths;
-        let azimuth = if is_pole && !(low..=high).contains(&azimuth) { low } else { azimuth };
-        if azimuth < low - ROUNDING || azimuth > high + ROUNDING {
-            return None;
-        }
+        let azimuth = if (low..=high).contains(&azimuth) {
+            azimuth
+        } else if is_pole {
+            low
+        } else {
+            // The circle of latitude is shorter than the equator.
+            let latitude = if self.frame.polar_range().0 < 0.0 { 90.0 - polar.abs() } else { polar };
+            let border = BORDER / libm::sin(latitude.to_radians()).abs();
+            // An azimuth just below the first one is counted from it around the circle.
+            match [azimuth, azimuth - 360.0].into_iter().find(|a| *a >= low - border && *a <= high + border) {
+                Some(near) => near.clamp(low, high),
+                None => return None,
+            }
+        };
         let first = if self.is_polar_mirrored { -self.polar[0] } else { self.polar[0] };
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
     }
@@ -445,7 +485,7 @@ impl DirectionGrid {
     #[inline]
     pub(crate) fn covers_polar(&self, polar: f64) -> bool {
         let (low, high) = self.covers;
-        !(polar < low - ROUNDING || polar > high + ROUNDING)
+        !(polar < low - BORDER || polar > high + BORDER)
     }
 
     /// Returns true if the grid and its mirror images cover the full circle. An azimuth then needs no mirroring before
@@ -607,6 +647,21 @@ mod tests {
         let sector = Some(azimuths(&[0.0, 40.0], AzimuthExtent::Sector));
         let sector = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], sector).unwrap();
         assert_eq!((sector.nearest(at(50.0, 20.0)), sector.nearest(at(50.0, 41.0))), (Some(2), None));
+        // A border is hit by angles of six digits and by directions in float32, around the grid's pole, too.
+        for (theta, phi, found) in
+            [(60.000_005, 40.0, 3), (50.0, 40.000_005, 3), (50.0, -0.000_005, 2), (1.0, -1e-4, 0)]
+        {
+            assert_eq!(sector.nearest(at(theta, phi)), Some(found), "{theta} {phi}");
+            let [polar, azimuth] = sector.angles(at(theta, phi)).unwrap();
+            assert!((0.0..=60.0).contains(&polar) && (0.0..=40.0).contains(&azimuth), "{polar} {azimuth}");
+        }
+        for (theta, phi) in [(60.000_05, 20.0), (50.0, 40.000_05), (50.0, -0.000_05), (1.0, -1e-2)] {
+            assert_eq!(sector.nearest(at(theta, phi)), None, "{theta} {phi}");
+        }
+        for entry in 0..sector.len() {
+            let short = sector.direction(entry).xyz().map(|x| f64::from(x as f32));
+            assert!(sector.angles(Direction::from_unit(short)).is_some(), "{entry}");
+        }
         // A pole is inside whatever azimuths are covered.
         for angles in [&[10.0, 40.0][..], &[300.0]] {
             let aside = Some(azimuths(angles, AzimuthExtent::Sector));

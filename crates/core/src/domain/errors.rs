@@ -1,6 +1,9 @@
 //! Errors between two tensors: the measures of the paper (\[CPB06\] section 5), and absolute errors of the samples
 //! those exclude.
 
+use super::axis::Axis;
+use super::restated::{MeanErrors, Restated};
+use super::totals::Totals;
 use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,7 +16,8 @@ pub const DEFAULT_ERROR: f64 = 0.01;
 ///
 /// Relative errors are defined for scored samples: those with `s > 0` (and `s ≥ floor`, if a floor was declared).
 /// `er_l1 = mean |s'−s|/s` and `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Other samples are counted, and
-/// their absolute error is reported.
+/// their absolute error is reported. If a file states several values for one direction, its relative errors are those
+/// of the values or of their means, whichever are larger; see [`ErrorReport::at_directions`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ErrorReport {
@@ -55,10 +59,7 @@ pub struct ErrorReport {
 /// number of threads.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    relative: f64,
-    relative_squared: f64,
-    squared: f64,
-    signal: f64,
+    totals: Totals,
     report: ErrorReport,
 }
 
@@ -74,6 +75,28 @@ impl ErrorReport {
         let mut accumulator = ErrorAccumulator::default();
         accumulator.add(original, decoded, floor);
         accumulator.finish()
+    }
+
+    /// Measures the errors of samples on `axes` as [`ErrorReport::measure`] does, and those of the values that
+    /// evaluation returns: where several values are stated for one direction, their mean. Each figure is the larger one
+    /// of the two.
+    ///
+    /// A mean is compared with the mean of the original values, and counts as often as its direction is stated. It has
+    /// no relative error if it is not above 0, below the floor, or if values of both signs cancel to less than half
+    /// their mean magnitude.
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn at_directions(axes: &[Axis], original: &[f32], decoded: &[f32], floor: f64) -> Self {
+        Self::with_means(&Restated::of(axes, original, floor), original, decoded, floor)
+    }
+
+    /// Measures the errors of samples and of the means of those that are stated for one direction, see
+    /// [`ErrorReport::at_directions`].
+    pub(crate) fn with_means(restated: &Restated, original: &[f32], decoded: &[f32], floor: f64) -> Self {
+        let mut accumulator = ErrorAccumulator::default();
+        accumulator.add(original, decoded, floor);
+        accumulator.finish_with(restated.errors(original, |at| decoded[at]))
     }
 
     /// Returns the error report of data that are identical to `original`: all errors are 0.
@@ -110,30 +133,26 @@ impl ErrorAccumulator {
 
     /// Returns the report on the errors of all decoded samples passed to [`ErrorAccumulator::add`].
     pub fn finish(self) -> ErrorReport {
-        let total = self.0;
-        let mut report = total.report;
-        if report.scored_samples > 0 {
-            let n = report.scored_samples as f64;
-            report.er_l1 = total.relative / n;
-            report.er_l2 = (total.relative_squared / n).sqrt();
-        }
-        report.relative_rmse = if total.squared == 0.0 {
-            0.0
-        } else if total.signal == 0.0 {
-            f64::MAX
-        } else {
-            (total.squared / total.signal).sqrt()
-        };
+        self.finish_with(MeanErrors::default())
+    }
+
+    /// Returns the report on the errors of all decoded samples, and of the means of those stated for one direction:
+    /// each measure of error is the larger one of the two.
+    fn finish_with(self, means: MeanErrors) -> ErrorReport {
+        let Self(Sums { totals, mut report }) = self;
+        let samples = Totals { scored: report.scored_samples as f64, ..totals };
+        let larger = |figure: fn(&Totals) -> f64| means.larger(&samples, figure);
+        report.er_l1 = larger(Totals::er_l1);
+        report.er_l2 = larger(Totals::er_l2);
+        report.relative_rmse = larger(Totals::relative_rmse);
+        report.max_relative_error = report.max_relative_error.max(means.largest);
         report
     }
 }
 
 impl Sums {
     fn add(&mut self, block: &Self) {
-        self.relative += block.relative;
-        self.relative_squared += block.relative_squared;
-        self.squared += block.squared;
-        self.signal += block.signal;
+        self.totals = self.totals + block.totals;
         let (a, b) = (&mut self.report, &block.report);
         a.samples += b.samples;
         a.scored_samples += b.scored_samples;
@@ -231,10 +250,10 @@ impl Sums {
             }
         }
         for ((a, r), s) in absolutes.into_iter().zip(relatives).zip(signals) {
-            self.squared += a * a;
-            self.signal += s * s;
-            self.relative += r;
-            self.relative_squared += r * r;
+            self.totals.squared += a * a;
+            self.totals.signal += s * s;
+            self.totals.relative += r;
+            self.totals.relative_squared += r * r;
         }
         let report = &mut self.report;
         report.samples += original.len() as u64;
@@ -257,14 +276,14 @@ impl Sums {
             }
             let (s, d) = (f64::from(s), f64::from(d));
             let absolute = (d - s).abs();
-            sums.squared += absolute * absolute;
-            sums.signal += s * s;
+            sums.totals.squared += absolute * absolute;
+            sums.totals.signal += s * s;
             r.max_absolute_error = r.max_absolute_error.max(absolute);
             if s > 0.0 && s >= floor {
                 let relative = absolute / s;
                 r.scored_samples += 1;
-                sums.relative += relative;
-                sums.relative_squared += relative * relative;
+                sums.totals.relative += relative;
+                sums.totals.relative_squared += relative * relative;
                 r.max_relative_error = r.max_relative_error.max(relative);
             } else {
                 r.zero_samples += u64::from(s == 0.0);
@@ -328,10 +347,7 @@ mod tests {
         one_by_one.add_any(&original, &decoded, 0.0);
         let together = sums(&original, &decoded, 0.0);
         assert_eq!(together.report, one_by_one.report);
-        assert_eq!(
-            [together.squared, together.signal, together.relative, together.relative_squared].map(f64::to_bits),
-            [one_by_one.squared, one_by_one.signal, one_by_one.relative, one_by_one.relative_squared].map(f64::to_bits)
-        );
+        assert_eq!(together.totals, one_by_one.totals);
     }
 
     #[test]

@@ -25,9 +25,11 @@ mod note;
 mod option;
 mod progress;
 mod quantity;
+mod restated;
 mod schema;
 mod shared;
 mod tensor;
+mod totals;
 mod triangles;
 pub mod vector;
 mod views;
@@ -52,6 +54,8 @@ pub use progress::{Cancelled, Progress, Silent};
 #[doc(hidden)]
 pub use quantity::named;
 pub use quantity::{Quantity, Sampling, Unit, UnknownName};
+pub use restated::cancelling_samples;
+pub(crate) use restated::{MeanErrors, Restated};
 #[cfg(feature = "schema")]
 #[doc(hidden)]
 pub use schema::{object_of, one_of, schema_of, values_of};
@@ -59,6 +63,7 @@ pub use shared::Shared;
 #[doc(hidden)]
 pub use tensor::first_where;
 pub use tensor::{Measurement, Tensor, TensorError};
+pub(crate) use totals::Totals;
 pub use triangles::{Domain, TriangleMesh};
 pub use triangles::{Vertices, centroid, child, solid_angle};
 #[cfg(feature = "schema")]

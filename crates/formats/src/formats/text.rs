@@ -8,6 +8,9 @@ use crate::notes::Quoted;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
+/// Name of the encoding of text that is not UTF-8 and has no byte order mark.
+pub(super) const WINDOWS: &str = "Windows-1252";
+
 /// Decoded text of a file, with the name of the format that its error messages give.
 pub(super) struct Source {
     format: &'static str,
@@ -333,7 +336,7 @@ fn decode(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
 pub(super) fn unmarked(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
     match std::str::from_utf8(bytes) {
         Ok(text) => (Cow::Borrowed(text), "UTF-8"),
-        Err(_) => (encoding_rs::WINDOWS_1252.decode_without_bom_handling(bytes).0, "Windows-1252"),
+        Err(_) => (encoding_rs::WINDOWS_1252.decode_without_bom_handling(bytes).0, WINDOWS),
     }
 }
 

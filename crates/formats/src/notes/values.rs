@@ -29,14 +29,15 @@ wavelume_core::declare_notes! {
             "wavelengths up to {largest_nm} nm only: micrometres are said by `wavelength_unit: um`";
         Warning DirectionsRestated {
             poles_percent: Option<f64>, seam_percent: Option<f64>, repeated_angles_percent: Option<f64>,
-            normal_incidence_percent: Option<f64>,
-        } => "values stated for one direction differ from their mean (rms): {parts}",
+            normal_incidence_percent: Option<f64>, cancelling: Option<u64>,
+        } => "values stated for one direction differ from their mean (rms): {parts}{cancelled}",
             parts = parts(&[
                 ("poles", poles_percent),
                 ("seam", seam_percent),
                 ("angles listed twice", repeated_angles_percent),
                 ("azimuths at normal incidence", normal_incidence_percent),
-            ]);
+            ]),
+            cancelled = cancelled(cancelling);
         Skipped ExtentsWithoutGrid => "the stated extents and covers of angles, because the directions make no grid";
         Skipped UncertaintiesWithoutDirections =>
             "the columns of sigma: uncertainties are used for data with directions only";
@@ -48,4 +49,11 @@ wavelume_core::declare_notes! {
 fn parts(percentages: &[(&str, Option<f64>)]) -> String {
     let known = percentages.iter().filter_map(|(name, percent)| Some(format!("{name} {:.2} %", (*percent)?)));
     known.collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the remark on values of both signs that are stated for one direction and cancel; empty if there are none.
+fn cancelled(samples: Option<u64>) -> String {
+    samples.map_or_else(String::new, |n| {
+        format!("; {n} values of both signs cancel, so no error is promised of their mean")
+    })
 }

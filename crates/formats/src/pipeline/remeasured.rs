@@ -75,7 +75,7 @@ pub fn remeasure(input: &Input<'_>, bytes: &[u8], request: &Request) -> Result<R
         return Err(RemeasureError::Other { found: described(found), expected: described(expected) });
     }
     let floor = decoded.summary.floor;
-    let errors = ErrorReport::measure(expected.tensor.samples(), found.tensor.samples(), floor);
+    let errors = ErrorReport::at_directions(axes, expected.tensor.samples(), found.tensor.samples(), floor);
     let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let is_averaged = !on_grid && matches!(acquisition.samples, Samples::Grid(_));
     let scattered = projected.scattered;

@@ -97,8 +97,8 @@ options! {
     #[serde(deny_unknown_fields)]
     pub struct Request {
         /// Promised error bound, size or ratio. For a measurement on a grid of angles, errors are those at the samples
-        /// of the file. If samples were averaged over triangles first, the bound holds against these averages, and the
-        /// report also gives the errors at the samples.
+        /// of the file, and of the mean of those stated for one direction. If samples were averaged over triangles
+        /// first, the bound holds against these averages, and the report also gives the errors at the samples.
         pub target: Target,
         /// Directions at which values are stored. `grid` keeps the grid of angles of the file; it is the default if
         /// there is one and no subdivision level is given. `triangles` averages samples over triangles, as a
@@ -131,7 +131,8 @@ options! {
         #[serde(default = "Defaults::basis")]
         pub basis: String = AUTO_BASIS.to_owned() => Values::Text { shown: "BASIS", check: basis },
         /// Floor of the relative errors, as a fraction of the largest sample: smaller samples do not count in the
-        /// relative errors, and their absolute error is at most the floor.
+        /// relative errors. The absolute error of samples of a smaller magnitude is at most the floor, that of other
+        /// negative samples at most the largest magnitude of a negative sample.
         #[serde(default = "Defaults::floor", skip_serializing_if = "Option::is_none")]
         pub floor: Option<f64> = None => Values::Number { shown: "F", limits: FLOOR },
         /// Upper bound on the relative error of the directional albedo or flux of every incoming direction and

@@ -148,14 +148,16 @@ fn files_without_provenance_are_written_with_the_least_that_the_format_asks_for(
     }
 }
 
-/// Returns true if a text file that is read and written again keeps its grid and metadata.
-fn comes_back(text: &str) -> bool {
-    let acquisition =
-        read(text.as_bytes(), &Interpretation::default()).unwrap_or_else(|error| panic!("{error}: {text}"));
-    let measurement = on_grid(&acquisition);
-    let restated = restate(&measurement, &Origin::of(&acquisition), Digits::Shortest).unwrap();
+/// Reads a text file, writes it and reads it again: grid and metadata stay the same. Returns the bytes written.
+fn written_again(bytes: &[u8]) -> Vec<u8> {
+    let text = String::from_utf8_lossy(bytes);
+    let first = read(bytes, &Interpretation::default()).unwrap_or_else(|error| panic!("{error}: {text}"));
+    let measurement = on_grid(&first);
+    let restated = restate(&measurement, &Origin::of(&first), Digits::Shortest).unwrap();
     let again = read(&restated.bytes, &Interpretation::default()).unwrap();
-    on_grid(&again) == measurement && again.report.metadata == acquisition.report.metadata
+    assert_eq!(on_grid(&again), measurement, "{text}");
+    assert_eq!(again.report.metadata, first.report.metadata, "{text}");
+    restated.bytes
 }
 
 #[test]
@@ -182,24 +184,36 @@ fn every_form_of_planes_comes_back() {
             "IES:LM-63-2019\n[TEST] a\n[MORE] b\nTILT=INCLUDE\n1\n2\n0 90\n1 0.5\n1 500 1.1 {v} {h} {kind} 1 1 2 0 0.93 \
              1.10000 9\n{lists}\n"
         );
-        assert!(comes_back(&text), "{text}");
+        written_again(text.as_bytes());
     }
-    // The last has planes every 45° without saying so.
-    for (symmetry, stored, step) in [(0, 8, "45"), (1, 1, "45"), (2, 5, "45"), (3, 5, "45"), (4, 3, "45"), (1, 1, "0")]
-    {
+    // The last two have planes every 45° without saying so, and planes that begin at C10.
+    for (symmetry, stored, step, first) in [
+        (0, 8, "45", 0),
+        (1, 1, "45", 0),
+        (2, 5, "45", 0),
+        (3, 5, "45", 0),
+        (4, 3, "45", 0),
+        (1, 1, "0", 0),
+        (1, 1, "45", 10),
+    ] {
         let mut lines: Vec<String> = ["a company", "3", &symmetry.to_string(), "8", step].map(str::to_owned).into();
         lines.extend(["2", "90", "r", "l", "n", "f", "d"].map(str::to_owned));
         lines.extend((0..9).map(|_| "1.5".to_owned()));
         lines.extend(["100", "80", "1.25", "0", "1", "1", "lamp", "500", "warm", "", "9"].map(str::to_owned));
         lines.extend((0..10).map(|i| format!("0.{i}")));
-        lines.extend((0..8).map(|plane| (45 * plane).to_string()).chain(["0".to_owned(), "90".to_owned()]));
+        lines.extend((0..8).map(|plane| (first + 45 * plane).to_string()).chain(["0".to_owned(), "90".to_owned()]));
         lines.extend((0..2 * stored).map(|i| format!("{:.1}", 0.3 + 1.7 * f64::from(i))));
         let text = lines.join("\n") + "\n";
-        assert!(comes_back(&text), "{symmetry}");
-        let read = read(text.as_bytes(), &Interpretation::default()).unwrap();
-        let file = restate(&on_grid(&read), &Origin::of(&read), Digits::Shortest).unwrap();
-        let listed = (0..8).map(|plane| (45 * plane).to_string()).collect::<Vec<_>>().join("\r\n");
-        assert!(String::from_utf8_lossy(&file.bytes).contains(&listed), "{symmetry}");
+        let listed = (0..8).map(|plane| (first + 45 * plane).to_string()).collect::<Vec<_>>().join("\r\n");
+        let written = written_again(text.as_bytes());
+        assert!(String::from_utf8_lossy(&written).contains(&listed), "{symmetry}");
+        // Texts come back in the encoding of the file.
+        let unicode = text.replace("a company", "Büro 5 µm");
+        let windows: Vec<u8> = unicode.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+        for bytes in [unicode.as_bytes(), &windows] {
+            let line = bytes.split(|&b| b == b'\n').next().unwrap();
+            assert_eq!(written_again(bytes).split(|&b| b == b'\r').next().unwrap(), line);
+        }
     }
 }
 

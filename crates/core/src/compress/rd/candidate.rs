@@ -1,6 +1,6 @@
 //! Candidate: a first layer in one scheme, evaluated at any step: its errors, its chunks and the parts of its file.
 
-use super::super::classes::apply_classes;
+use super::super::classes::{apply_classes, sample_of};
 use super::super::effort::Tally;
 use super::super::error::CompressError;
 use super::super::exponential::add_corrections;
@@ -21,7 +21,7 @@ use super::predictive::PredictiveLayer;
 use super::schemes::Scheme;
 use super::steps::{Fineness, Steps};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
-use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use crate::domain::{Cancelled, ErrorReport, MeanErrors, Measurement, Progress, Totals};
 use rayon::prelude::*;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -165,10 +165,24 @@ impl<'a> Candidate<'a> {
             return Err(Cancelled.into());
         }
         let decoded = self.magnitudes(fineness);
-        if self.plane.coded.is_none() {
-            return Ok(ErrorReport::measure(self.original(), &decoded, f64::from(self.floor)).er_l2);
+        let ClassPlane { classes, coded, restated, .. } = self.plane;
+        let floor = f64::from(self.floor);
+        if coded.is_none() {
+            return Ok(ErrorReport::with_means(restated, self.original(), &decoded, floor).er_l2);
         }
-        Ok(magnitude_error(self.original(), &decoded, self.plane.classes, self.floor))
+        let means = restated.errors(self.original(), |at| sample_of(classes[at], decoded[at]));
+        let error = magnitude_error(self.original(), &decoded, classes, self.floor, &means);
+        Ok(if self.plane.weighs_negative { error.max(self.excess(&decoded)) } else { error })
+    }
+
+    /// Largest error of a negative sample that is approximated, as a multiple of the largest magnitude of a negative
+    /// sample, which bounds it. 0 if the bound is kept.
+    fn excess(&self, decoded: &[f32]) -> f64 {
+        let (lowest, _) = self.measurement.tensor.range().unwrap_or_default();
+        let negative = self.original().iter().zip(decoded).zip(self.plane.classes);
+        let off = negative.filter(|(_, class)| **class == Class::Negative).map(|((s, d), _)| (d + s).abs());
+        let excess = f64::from(off.fold(0.0, f32::max)) / f64::from(-lowest);
+        if excess > 1.0 { excess } else { 0.0 }
     }
 
     /// Encodes for every sample the multiple of the correction step that takes the value decoded from coefficients
@@ -178,15 +192,16 @@ impl<'a> Candidate<'a> {
         if !logs.iter().all(|log| log.is_finite()) {
             return None;
         }
-        let ClassPlane { values, least, .. } = self.plane;
+        let plane = self.plane;
         let is_bounded = self.layer.negative_bound().is_some();
         let mut corrections: Vec<i32> = self
             .original()
             .par_iter()
             .zip(&logs)
             .zip(self.plane.classes)
-            .map(|((&s, &value), &class)| {
-                let wanted = values.wanted(s, class, least);
+            .enumerate()
+            .map(|(at, ((&s, &value), &class))| {
+                let wanted = plane.values.wanted(s, class, plane.least_of(at));
                 // On grids, negative samples may be bounded instead of approximated.
                 if wanted.is_nan() || is_bounded && class == Class::Negative {
                     return 0;
@@ -234,11 +249,12 @@ impl<'a> Candidate<'a> {
 }
 
 /// Computes the relative RMS error er(L2) of decoded magnitudes over the positive samples, or over the negative ones if
-/// there are no positive ones. Samples with a magnitude below `floor` do not count.
+/// there are no positive ones. Samples with a magnitude below `floor` do not count. `means` are the errors of the means
+/// of positive samples that are stated for one direction; with them the error may be larger.
 ///
 /// Positive and negative samples share one quantiser step and therefore have nearly the same relative error, but an
 /// error is promised for positive samples only. Partial sums are added in a fixed order.
-fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floor: f32) -> f64 {
+fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floor: f32, means: &MeanErrors) -> f64 {
     let block = 1 << 16;
     let sums: Vec<[(f64, u64); 2]> = original
         .par_chunks(block)
@@ -257,11 +273,15 @@ fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floo
             sums
         })
         .collect();
-    let mean = |k: usize| {
+    let totals = |k: usize| {
         let (sum, n) = sums.iter().fold((0.0, 0), |total, block| (total.0 + block[k].0, total.1 + block[k].1));
-        (n > 0).then(|| (sum / n as f64).sqrt())
+        (n > 0).then(|| Totals { relative_squared: sum, scored: n as f64, ..Totals::default() })
     };
-    mean(0).or(mean(1)).unwrap_or(0.0)
+    match (totals(0), totals(1)) {
+        (Some(positive), _) => means.larger(&positive, Totals::er_l2),
+        (None, Some(negative)) => negative.er_l2(),
+        (None, None) => 0.0,
+    }
 }
 
 /// Returns the integer among k − 1, k and k + 1 whose product with `step`, added to the decoded logarithm `log` in f32,

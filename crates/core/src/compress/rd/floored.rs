@@ -9,7 +9,7 @@ use super::super::target::Target;
 use super::super::values::{self, Values};
 use super::gridded::{Spent, outlined};
 use crate::codec::{ChunkKind, Class};
-use crate::domain::Measurement;
+use crate::domain::{Measurement, Restated};
 
 /// Fraction of the floor to which smaller positive samples are raised before coding if all of them are coded, so that
 /// their absolute error stays below the floor.
@@ -28,12 +28,14 @@ pub(super) enum Below<'a> {
 
 impl Below<'_> {
     /// Returns the class of every sample (positive, negative, zero or masked), and the chunk that states the classes;
-    /// no chunk if all are positive.
+    /// no chunk if all are positive. Samples of `restated`, whose mean has a relative error, are coded even if they are
+    /// below the floor.
     pub(super) fn classes(
         self,
         measurement: &Measurement,
         values: Values,
         floor: f32,
+        restated: &Restated,
     ) -> (Vec<Class>, Option<(ChunkKind, Vec<u8>)>) {
         let samples = measurement.tensor.samples();
         if values::all_positive(samples) && self == Self::Clipped {
@@ -52,6 +54,9 @@ impl Below<'_> {
             if is_zero((at, sample)) { Class::Zero } else { values.class_of(sample, floor) }
         };
         let mut classes: Vec<Class> = samples.iter().enumerate().map(class_of).collect();
+        for at in restated.samples() {
+            classes[at] = values.class_of(samples[at], 0.0);
+        }
         let chunk = classes_chunk(measurement.tensor.axes(), &mut classes);
         (classes, chunk)
     }
@@ -82,18 +87,13 @@ const MOST_ERROR: f64 = 0.1;
 pub(super) fn best_of(
     measurement: &Measurement,
     settings: &Settings,
-    floor: f32,
+    (floor, restated): (f32, &Restated),
     with: impl Fn(Below<'_>, Negative) -> Result<Compressed, CompressError>,
 ) -> Result<Compressed, CompressError> {
     let (axes, samples) = (measurement.tensor.axes(), measurement.tensor.samples());
     let values = Values::of(settings.target, samples);
     let has_negative = samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
-    let lowest = measurement.tensor.range().map_or(0.0, |(lowest, _)| lowest);
-    // Bounds that samples without a relative error break: 0 none, 1 the floor, 2 the largest negative magnitude, too.
-    let breach = |file: &Compressed| {
-        let off = file.summary.errors.max_absolute_error_unscored;
-        if off <= f64::from(floor) { 0 } else { 1 + u8::from(off > f64::from(-lowest)) }
-    };
+    let breach = |file: &Compressed| file.below_floor.breach(floor);
     let keeps = |file: &Compressed| breach(file) == 0;
     let attempt = |below| match with(below, Negative::Bounded) {
         Ok(file) if keeps(&file) => Ok((file, Negative::Bounded)),
@@ -126,7 +126,7 @@ pub(super) fn best_of(
     let is_plain = settings.albedo_error.is_none() && !matches!(settings.target, Target::DeltaE(_));
     // Each coded sample takes bytes, too, so a longer map of more of them seldom makes a smaller file.
     let is_longer = |spent: Spent| {
-        let map = Below::Clipped.classes(measurement, values, floor).1;
+        let map = Below::Clipped.classes(measurement, values, floor, restated).1;
         is_plain && map.is_some_and(|(_, map)| map.len() >= spent.classes)
     };
     let outline = dark.as_ref().ok().zip(spent).and_then(|((file, negative), spent)| {
@@ -143,6 +143,19 @@ pub(super) fn best_of(
         best = better(best.map(Compressed::without_samples), with(Below::Outlined(&marks), negative));
     }
     best
+}
+
+/// Returns the smaller one of two files, the first one if both have the same size. A cancelled search has no file.
+pub(super) fn smaller(
+    first: Result<Compressed, CompressError>,
+    second: Result<Compressed, CompressError>,
+) -> Result<Compressed, CompressError> {
+    match (first, second) {
+        (_, Err(CompressError::Cancelled(cancelled))) => Err(CompressError::Cancelled(cancelled)),
+        (Ok(first), Ok(second)) => Ok(if second.bytes.len() < first.bytes.len() { second } else { first }),
+        (Err(_), second) => second,
+        (first, Err(_)) => first,
+    }
 }
 
 /// Returns the bytes that a file spends on the map of classes (positive, negative, zero, masked) and on the values of

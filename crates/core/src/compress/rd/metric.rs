@@ -1,5 +1,6 @@
 //! Errors of the decoded samples at a step, for targets that bound one, and the largest step that keeps the bound.
 
+use super::super::below_floor::BelowFloor;
 use super::super::classes::apply_classes;
 use super::super::error::CompressError;
 use super::super::promise::colours_of;
@@ -55,7 +56,7 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
         };
         // Relative errors are those of positive samples. If all are negative, their errors are used instead; otherwise
         // any step would pass.
-        let samples = self.measurement.tensor.samples();
+        let (axes, samples) = (self.measurement.tensor.axes(), self.measurement.tensor.samples());
         let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
         let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
         let coarse = if self.linear { f64::INFINITY } else { COARSE };
@@ -73,19 +74,20 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
                     *sample = -*sample;
                 }
             }
-            let errors = || ErrorReport::measure(&original, &decoded, f64::from(self.floor));
             let (found, keeps) = match &metric {
                 Metric::Colours(colours, at_most) => {
                     let found = colours.differences(&decoded).largest;
-                    (found, found <= *at_most && (self.floor == 0.0 || self.keeps_floor(&errors())))
+                    (found, found <= *at_most)
                 }
                 Metric::Samples(bound) => {
-                    let errors = errors();
-                    ((bound.figure)(&errors), bound.keeps(&errors) && self.keeps_floor(&errors))
+                    let errors = ErrorReport::at_directions(axes, &original, &decoded, f64::from(self.floor));
+                    ((bound.figure)(&errors), bound.keeps(&errors))
                 }
             };
             closest.set(closest.get().min(found));
-            Ok((found, keeps))
+            let keeps_floor =
+                || self.floor <= 0.0 || BelowFloor::measure(&original, &decoded, self.floor).keeps(self.floor);
+            Ok((found, keeps && keeps_floor()))
         };
         let falls = matches!(metric, Metric::Samples(_));
         let mut falling = Falling::default();
@@ -106,12 +108,6 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
             Metric::Samples(bound) => (bound.name, bound.at_most),
         };
         Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear)))
-    }
-
-    /// Returns true if every sample below the floor (smallest sample whose relative error counts) decodes with an
-    /// absolute error of at most the floor, or if there are no such samples.
-    fn keeps_floor(&self, errors: &ErrorReport) -> bool {
-        errors.below_floor_samples == 0 || errors.max_absolute_error_unscored <= f64::from(self.floor)
     }
 
     /// Initial guess of the quantiser step for a wanted error: that of a uniform quantiser, larger because most

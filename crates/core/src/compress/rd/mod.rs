@@ -40,7 +40,7 @@ use super::settings::Settings;
 use super::spectral_basis::SpectralBasis;
 use super::target::Target;
 use super::values::Values;
-use crate::domain::{ErrorReport, Measurement, Progress};
+use crate::domain::{ErrorReport, Measurement, Progress, Restated};
 use candidate::Candidate;
 use class_plane::ClassPlane;
 use floored::{Below, Negative};
@@ -57,14 +57,26 @@ pub(crate) fn compress(
     floor: f32,
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
+    let (axes, samples) = (measurement.tensor.axes(), measurement.tensor.samples());
+    let restated = Restated::of(axes, samples, f64::from(floor));
     let with = |below: Below<'_>, negative| {
-        compress_with(measurement, settings, bases, (floor, below, negative), (progress, tally))
+        compress_with(measurement, settings, bases, (floor, below, negative), &restated, (progress, tally))
     };
-    let values = Values::of(settings.target, measurement.tensor.samples());
-    if floor <= 0.0 || values.is_linear() || gridded::Shape::of(measurement.tensor.axes()).is_none() {
-        return with(Below::Clipped, Negative::Bounded);
+    let values = Values::of(settings.target, samples);
+    let is_floored = floor > 0.0 && !values.is_linear() && gridded::Shape::of(axes).is_some();
+    // Negative samples enter a mean whose error is promised.
+    let is_mixed = restated.amplification() > 1.0;
+    match settings.target {
+        Target::MaxRelativeError(_) if is_mixed => with(Below::Clipped, Negative::Weighed),
+        _ if is_floored => floored::best_of(measurement, settings, (floor, &restated), with),
+        Target::ErL1(_) | Target::ErL2(_) if is_mixed => {
+            let bounded = with(Below::Clipped, Negative::Bounded).map(Compressed::without_samples);
+            floored::smaller(bounded, with(Below::Clipped, Negative::Weighed))
+        }
+        // Without positive samples, errors are those of negative ones.
+        _ if !samples.iter().any(|&s| s > 0.0) => with(Below::Clipped, Negative::Weighed),
+        _ => with(Below::Clipped, Negative::Bounded),
     }
-    floored::best_of(measurement, settings, floor, with)
 }
 
 fn compress_with(
@@ -72,11 +84,12 @@ fn compress_with(
     settings: &Settings,
     bases: &[SpectralBasis],
     (floor, below, negative): (f32, Below<'_>, Negative),
+    restated: &Restated,
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
     let samples = measurement.tensor.samples();
     let values = Values::of(settings.target, samples);
-    let (classes, coded) = below.classes(measurement, values, floor);
+    let (classes, coded) = below.classes(measurement, values, floor, restated);
     // The counts do not depend on the decoded samples, so the header has its final size before decoding.
     let counts = ErrorReport::without_errors(samples, f64::from(floor));
     let noise = match settings.target {
@@ -85,7 +98,10 @@ fn compress_with(
     };
     let weighs_negative = negative == Negative::Weighed;
     let (coded, least) = (coded.as_ref(), below.least(floor));
-    let plane = ClassPlane { values, classes: &classes, coded, counts, least, weighs_negative, noise };
+    let mut small: Vec<usize> = restated.samples().filter(|&at| f64::from(samples[at].abs()) < least).collect();
+    small.sort_unstable();
+    let plane =
+        ClassPlane { values, classes: &classes, coded, counts, least, restated, small: &small, weighs_negative, noise };
     let work = |scheme: &Scheme| Candidate::new(measurement, plane, scheme, settings, (floor, tally));
     let schemes = schemes(measurement, plane, bases, settings)?;
     progress.step(0.05)?;

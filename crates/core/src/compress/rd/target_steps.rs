@@ -106,6 +106,8 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
         Target::Ratio(_) | Target::Bytes(_) => sized_steps(candidate, None, Until::Close, progress),
         // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides, with a margin for rounding to f32.
         Target::MaxRelativeError(error) => {
+            // Means of values of both signs have larger relative errors than the values.
+            let error = error / candidate.plane.restated.amplification();
             find_bounded(candidate, 2.0 * libm::log1p(error) * (1.0 - 1e-5) - 4e-7, progress)
         }
         Target::MaxAbsoluteError(error) => {

@@ -72,7 +72,7 @@ impl Patch {
 
 impl Sphere {
     pub(super) fn new(grid: &DirectionGrid) -> Self {
-        let same = same(grid);
+        let same = grid.coinciding();
         let merged = same.iter().flatten().copied().collect();
         let mut first_of: Vec<u32> = (0..grid.len() as u32).collect();
         for same in &same {
@@ -258,26 +258,6 @@ fn azimuth_line(grid: &DirectionGrid) -> Line {
         nodes.pop();
     }
     Line::new(nodes, true)
-}
-
-/// Returns the groups of grid directions that coincide: all azimuths at a pole, and the first and last azimuth of a
-/// closed circle.
-fn same(grid: &DirectionGrid) -> Vec<Vec<u32>> {
-    let [_, columns] = grid.shape();
-    if columns == 1 {
-        return Vec::new();
-    }
-    let (low, high) = grid.frame().polar_range();
-    let is_closed = grid.azimuths().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Closed);
-    let of_row = |(row, &angle): (usize, &f64)| {
-        let entries = (row * columns) as u32..((row + 1) * columns) as u32;
-        if angle == low || angle == high {
-            Some(entries.collect())
-        } else {
-            is_closed.then(|| vec![entries.start, entries.end - 1])
-        }
-    };
-    grid.polar().iter().enumerate().filter_map(of_row).collect()
 }
 
 #[cfg(test)]

@@ -34,6 +34,8 @@ pub(super) const DIMENSIONS: [&str; 9] = [
     "luminous_height_c180_mm",
     "luminous_height_c270_mm",
 ];
+/// Upper bound on the C planes that a file without values for them lists.
+pub(super) const MOST_PLANES: usize = 720;
 /// Room indices for which an EULUMDAT file lists the direct ratios.
 pub(super) const ROOM_INDICES: [&str; 10] = ["0.6", "0.8", "1", "1.25", "1.5", "2", "2.5", "3", "4", "5"];
 
@@ -111,9 +113,10 @@ impl Header {
         Ok(Self { symmetry, planes, plane_step, angles, conversion: conversion.unwrap_or(1.0), output_ratio, sets })
     }
 
-    /// Returns true if the number of C planes and the distance between them, as the file states them, make a circle.
-    pub(super) fn has_even_planes(&self) -> bool {
-        is_circle(self.planes as f64, self.plane_step.unwrap_or(0.0))
+    /// Returns the angles of the C planes that the stated number of planes and distance between them make, from C0 on;
+    /// `None` if they make no circle.
+    pub(super) fn even_planes(&self) -> Option<Vec<f64>> {
+        even_planes(self.planes as f64, self.plane_step.unwrap_or(0.0))
     }
 
     pub(super) fn is_absolute(&self) -> bool {
@@ -173,9 +176,12 @@ impl Header {
     }
 }
 
-/// Returns true if `count` C planes that are `step` degrees apart make a circle, or if there is only one.
-pub(super) fn is_circle(count: f64, step: f64) -> bool {
-    count <= 1.0 || (count * step - 360.0).abs() < 1e-9
+/// Returns the angles of `count` C planes that are `step` degrees apart, from C0 on; `None` if they make no circle. One
+/// plane is C0.
+pub(super) fn even_planes(count: f64, step: f64) -> Option<Vec<f64>> {
+    let is_circle = count == 1.0 || (count * step - 360.0).abs() < 1e-9;
+    let is_possible = (1.0..=MOST_PLANES as f64).contains(&count) && is_circle;
+    is_possible.then(|| (0..count as usize).map(|plane| plane as f64 * step).collect())
 }
 
 /// Formats a number of the header for the metadata; empty for a blank line.

@@ -22,6 +22,7 @@ use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
+use super::restated::keep_encoding;
 use super::text::Source;
 use super::type_c::{flux, type_c};
 use crate::domain::{Quantity, Unit};
@@ -66,6 +67,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let (unit, scale) = header.unit(how, &mut report)?;
     let (stated, stand_for, symmetry) = planes::read(&mut lines, &header, scale, &mut report)?;
     let (grid, _) = type_c(stated, stand_for, &source, &mut report)?;
+    keep_encoding(&source, &mut report);
     if unit == Unit::Candela {
         header.check_flux(flux(&grid), &mut report);
     }

@@ -18,7 +18,8 @@ const SYMMETRIES: [&str; 5] = [
     "quadrant symmetric",
 ];
 
-/// Metadata key of the angles of all C planes that an axially symmetric file lists, in degrees, if they are not even.
+/// Metadata key of the angles of all C planes that an axially symmetric file lists, in degrees, if their number and
+/// distance do not tell them.
 pub(super) const LISTED: &str = "c_angles";
 
 /// Reads the stored C planes of an EULUMDAT file, the azimuths that they represent, and the symmetry in words.
@@ -47,9 +48,10 @@ pub(super) fn read(
     let (horizontal, intensities, stand_for) = match symmetry {
         0 => (listed, intensities, Planes::Circle),
         1 => {
-            if !header.has_even_planes() {
+            let angles: Vec<f64> = listed.iter().map(|(angle, _)| *angle).collect();
+            if header.even_planes().as_ref() != Some(&angles) {
                 // No values tell them again when the file is written anew.
-                let angles: Vec<String> = listed.iter().map(|(angle, _)| angle.to_string()).collect();
+                let angles: Vec<String> = angles.iter().map(f64::to_string).collect();
                 report.metadata.push((LISTED.to_owned(), angles.join(" ")));
             }
             (vec![(0.0, listed[0].1)], intensities, Planes::ByAngles)

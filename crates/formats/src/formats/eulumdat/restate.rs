@@ -3,13 +3,10 @@
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
 use super::about::NAME;
-use super::header::{DIMENSIONS, ROOM_INDICES, is_circle};
+use super::header::{DIMENSIONS, MOST_PLANES, ROOM_INDICES, even_planes};
 use super::planes::LISTED;
 use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{AzimuthExtent, Frame, Unit};
-
-/// Upper bound on the C planes that a file without values for them lists.
-const MOST_PLANES: usize = 720;
 
 /// Metadata keys of the six lines with which an EULUMDAT file describes one set of lamps. The reader stores the text of
 /// each line under its key.
@@ -55,7 +52,7 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
     }
     let mut text = lines.join("\r\n");
     text.push_str("\r\n");
-    Ok(text.into_bytes())
+    Ok(grid.encoded(text))
 }
 
 /// Returns the number `Isym` of the symmetry, and the azimuths C of all planes on the circle: the stored ones and their
@@ -72,9 +69,7 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
                 return Some((1, angles));
             }
             let (count, step) = (grid.number("c_planes").unwrap_or(1.0), grid.number("c_step").unwrap_or(0.0));
-            let is_even = (1.0..=MOST_PLANES as f64).contains(&count) && is_circle(count, step);
-            let count = if is_even { count as usize } else { 1 };
-            return Some((1, (0..count).map(|plane| plane as f64 * step).collect()));
+            return Some((1, even_planes(count, step).unwrap_or_else(|| vec![0.0])));
         }
         (Some(AzimuthExtent::Quadrant), (0.0, 90.0)) => {
             listed.extend(stored.iter().rev().skip(1).map(|c| 180.0 - c));

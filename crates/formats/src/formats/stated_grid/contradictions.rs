@@ -1,7 +1,7 @@
 //! Differences between the values that a file states for one and the same direction.
 
 use super::repeated::Repeated;
-use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Note, Tensor};
+use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Note, Tensor, cancelling_samples};
 use crate::notes::ValueNote;
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +24,10 @@ pub struct Contradictions {
     /// where the value does not depend on the azimuth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_incidence: Option<f64>,
+    /// Number of values at poles and seams where values of both signs cancel to less than half their mean
+    /// magnitude. The promised error does not cover the mean of such values, which evaluation returns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cancelling: Option<u64>,
 }
 
 impl Contradictions {
@@ -45,18 +49,26 @@ impl Contradictions {
             }
         }
         let percent = |repeated: Repeated| repeated.rms().map(|rms| 100.0 * rms);
-        Self { poles: percent(poles), seam: percent(seam), planes: percent(planes), normal_incidence: percent(normal) }
+        let cancelling = Some(cancelling_samples(tensor)).filter(|&samples| samples > 0);
+        Self {
+            poles: percent(poles),
+            seam: percent(seam),
+            planes: percent(planes),
+            normal_incidence: percent(normal),
+            cancelling,
+        }
     }
 
     /// Returns a note on contradictions between the values of a file; `None` if no direction is listed more than once.
     pub fn note(&self) -> Option<Note> {
-        let Self { poles, seam, planes, normal_incidence } = *self;
+        let Self { poles, seam, planes, normal_incidence, cancelling } = *self;
         (*self != Self::default()).then(|| {
             let note = ValueNote::DirectionsRestated {
                 poles_percent: poles,
                 seam_percent: seam,
                 repeated_angles_percent: planes,
                 normal_incidence_percent: normal_incidence,
+                cancelling,
             };
             note.into()
         })
@@ -96,7 +108,7 @@ impl Table<'_> {
         let is_closed = grid.azimuths().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Closed);
         for block in self.blocks() {
             for row in 0..self.rows {
-                if is_pole(grid, row) {
+                if grid.is_pole(row) {
                     self.add(block, row, false, poles);
                 } else if is_closed {
                     self.add(block, row, true, seam);
@@ -113,16 +125,9 @@ impl Table<'_> {
             return;
         }
         for block in self.blocks().step_by(elevations) {
-            (0..self.rows).filter(|&row| !is_pole(grid, row)).for_each(|row| self.add(block, row, false, normal));
+            (0..self.rows).filter(|&row| !grid.is_pole(row)).for_each(|row| self.add(block, row, false, normal));
         }
     }
-}
-
-/// Returns true if all azimuths at polar angle number `row` are one direction.
-fn is_pole(grid: &DirectionGrid, row: usize) -> bool {
-    let (low, high) = grid.frame().polar_range();
-    let polar = grid.polar()[row];
-    polar == low || polar == high
 }
 
 #[cfg(test)]
@@ -176,6 +181,17 @@ mod tests {
         let found = Contradictions::of(&Tensor::new(axes.clone(), samples).unwrap(), Repeated::default());
         close(found.normal_incidence, 20.0);
         close(found.poles, 0.0);
+        // Values of both signs cancel at a pole: 3 and 1 cancel less.
+        let [first, second] = [1.0, 3.0].map(|pole| {
+            let samples = vec![pole, -0.9, 1.0, 1.0, 2.0, 2.0, 3.0, 4.0];
+            Contradictions::of(&Tensor::new(axes.clone(), samples).unwrap(), Repeated::default())
+        });
+        assert_eq!((first.cancelling, second.cancelling), (Some(2), None));
+        let sentence = first.note().unwrap().message;
+        assert!(
+            sentence.ends_with("; 2 values of both signs cancel, so no error is promised of their mean"),
+            "{sentence}"
+        );
         // Nothing is stated twice off the poles and the normal.
         let tilted = vec![Axis::Elevation(vec![10.0, 30.0]), axes[1].clone()];
         let found = Contradictions::of(&Tensor::new(tilted, vec![f32::NAN; 8]).unwrap(), Repeated::default());
