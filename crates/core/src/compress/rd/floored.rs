@@ -92,7 +92,8 @@ pub(super) fn best_of(
 ) -> Result<Compressed, CompressError> {
     let (axes, samples) = (measurement.tensor.axes(), measurement.tensor.samples());
     let values = Values::of(settings.target, samples);
-    let has_negative = samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
+    let is_mixed = restated.amplification() > 1.0;
+    let has_negative = is_mixed || samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
     let breach = |file: &Compressed| file.below_floor.breach(floor);
     let keeps = |file: &Compressed| breach(file) == 0;
     let attempt = |below| match with(below, Negative::Bounded) {
