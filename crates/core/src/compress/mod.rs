@@ -123,7 +123,23 @@ pub fn compress_numbers(
     if let Some(text) = text.filter(|text| text.len() > metadata_chunk::MAX_METADATA) {
         return Err(SettingError::MetadataLength { found: text.len() }.into());
     }
-    let settings = &Settings { target: promise::stateable(settings.target)?, ..settings.clone() };
+    let rounded = Settings { target: promise::stateable(settings.target)?, ..settings.clone() };
+    made(measurement, numbers, &rounded, progress).map_err(|error| match error {
+        CompressError::Unreachable(error) => {
+            let [asked, wanted] = [settings.target, rounded.target].map(|target| target.bound().map(|b| b.at_most));
+            error.naming(asked.unwrap_or_default(), wanted.unwrap_or_default()).into()
+        }
+        other => other,
+    })
+}
+
+/// Compresses a measurement to a target that a file can state.
+fn made(
+    measurement: &Measurement,
+    numbers: Option<Numbers<'_>>,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Compressed, CompressError> {
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings.floor);
     let tally = Tally::default();

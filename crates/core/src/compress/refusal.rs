@@ -11,12 +11,14 @@ use crate::domain::Measurement;
 
 /// Builds the error for a bound on the error of the samples that no file with this spectral basis keeps, however small
 /// the quantiser step. `linear` is true if samples are coded, false if their logarithms are.
+/// `corrects_light` is true if the directional albedo or flux is kept within a bound, too.
 pub(super) fn cannot_follow(
     (option, wanted): (&'static str, f64),
     closest: f64,
     (basis, linear): (SpectralBasis, bool),
+    corrects_light: bool,
 ) -> CompressError {
-    UnreachableError::CannotFollow { option, wanted, closest, basis: basis.name(), linear }.into()
+    UnreachableError::CannotFollow { option, wanted, closest, basis: basis.name(), linear, corrects_light }.into()
 }
 
 /// Builds the error that a requested bound on each sample's error is too small for float32 to resolve.

@@ -14,7 +14,7 @@ pub enum UnreachableError {
     #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Error bound that a basis does not reach, however small the quantiser step.
-    #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear)))]
+    #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear), *corrects_light))]
     CannotFollow {
         /// Name of the option with the error bound.
         option: &'static str,
@@ -28,6 +28,8 @@ pub enum UnreachableError {
         basis: &'static str,
         /// True if samples are coded, false if their logarithms are.
         linear: bool,
+        /// True if the directional albedo or flux is kept within a bound, too.
+        corrects_light: bool,
     },
     /// Bound on the error of every sample, too small for float32 to resolve.
     #[error("{}", below_rounding(*target, *largest))]
@@ -96,7 +98,7 @@ pub enum UnreachableError {
     /// error larger than the floor.
     #[error(
         "floor {}: samples below the floor of {} (in the unit of the samples) are to be kept within it, but the error asked for \
-         lets one be off by {}; ask for a smaller error, a larger floor, or leave the floor out",
+         lets one be off by {}; ask for a smaller error, or leave the floor out",
         shown(*wanted), shown(*floor), shown(*found)
     )]
     Floor {
@@ -185,20 +187,50 @@ pub enum UnreachableError {
     Colours(CodecError),
 }
 
+impl UnreachableError {
+    /// Names the bound `asked` by the user in the place of `wanted`, which was rounded down for the search.
+    pub(super) fn naming(mut self, asked: f64, rounded: f64) -> Self {
+        if let Self::CannotFollow { wanted, .. } | Self::Missed { wanted, .. } = &mut self
+            && *wanted == rounded
+        {
+            *wanted = asked;
+        }
+        self
+    }
+}
+
 const KLT: &str = "klt";
 
-fn cannot_follow((name, wanted): (&str, f64), closest: f64, (basis, linear): (&str, bool)) -> String {
+fn cannot_follow(
+    (name, wanted): (&str, f64),
+    closest: f64,
+    (basis, linear): (&str, bool),
+    corrects_light: bool,
+) -> String {
     let what = if linear { "float32 samples" } else { "logarithms in float32" };
     let why = match basis {
+        _ if corrects_light => {
+            "to keep the light within albedo_error, larger samples make up for those that are negative or \
+                                below the floor"
+                .to_owned()
+        }
         KLT => format!("at most 24 spectral vectors, and {what}, follow this measurement no closer"),
         _ => format!("{what} follow this measurement no closer"),
     };
-    let instead = if closest.is_finite() && closest <= 10.0 {
+    let instead = if corrects_light {
+        "a larger error".to_owned()
+    } else if closest.is_finite() && closest <= 10.0 {
         format!("{name} {} or more", shown(two_digits_up(closest * 1.05)))
     } else {
         "a larger error".to_owned()
     };
-    let another = if basis == KLT { ", another basis (auto; without random access also bior4.4)" } else { "" };
+    let another = if corrects_light {
+        ", leave albedo_error or the floor out"
+    } else if basis == KLT {
+        ", another basis (auto; without random access also bior4.4)"
+    } else {
+        ""
+    };
     format!(
         "{name} {}: with basis {basis} the closest file is off by {}: {why}; ask for {instead}{another}, or lossless",
         shown(wanted),
@@ -264,16 +296,45 @@ fn with_longer_request(bytes: u64, least: f64) -> f64 {
 
 fn missed(option: &str, (wanted, found): (f64, f64), basis: &str) -> String {
     let enough = two_digits_up(1.05 * found);
+    let is_relative = matches!(option, "er_l1" | "er_l2" | "max_relative_error" | "relative_rmse");
     let more = if option == "albedo_error" && !ALBEDO_ERROR.allow(enough) {
         "a file without a bound on the light".to_owned()
-    } else if found.is_finite() {
+    } else if found.is_finite() && (enough <= 10.0 || !is_relative) {
         format!("{option} {} or more", shown(enough))
     } else {
-        "a larger one".to_owned()
+        "policy rd".to_owned()
     };
     let rounded = [wanted, found].map(shown);
     let [wanted, found] = if rounded[0] == rounded[1] { [wanted, found].map(|x| format!("{x:e}")) } else { rounded };
     format!(
         "{option} {wanted}: the closest file found, with basis {basis}, has {found}; ask for {more}, another basis, or lossless"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_name_what_was_asked_for_and_what_helps() {
+        let error = |wanted: f64, corrects_light| UnreachableError::CannotFollow {
+            option: "er_l2",
+            wanted,
+            closest: 0.119,
+            basis: "identity",
+            linear: false,
+            corrects_light,
+        };
+        assert_eq!(error(0.223_999, false).naming(0.224, 0.223_999), error(0.224, false));
+        assert_eq!(error(0.5, false).naming(0.224, 0.223_999), error(0.5, false));
+        assert!(error(0.002, false).to_string().ends_with("ask for er_l2 0.13 or more, or lossless"));
+        let light = error(0.002, true).to_string();
+        assert!(light.ends_with("ask for a larger error, leave albedo_error or the floor out, or lossless"), "{light}");
+        let missed = |option: &'static str, found| {
+            UnreachableError::Missed { option, wanted: 0.07, found, basis: "haar".to_owned() }.to_string()
+        };
+        assert!(missed("er_l2", 2.8e5).contains("ask for policy rd, another basis, or lossless"));
+        assert!(missed("er_l2", 0.08).contains("ask for er_l2 0.084 or more, another basis, or lossless"));
+        assert!(missed("albedo_error", 1.0).contains("ask for a file without a bound on the light"));
+    }
 }

@@ -1,4 +1,5 @@
-//! Export of a material at the angles of its source file, with the fewest digits that keep the promised error.
+//! Export of a material at the angles of its source file, with the fewest digits that add less than a
+//! tenth of the promised error.
 
 use super::origin::Origin;
 use super::restated::{FORMATS, Restated, restate_as};
@@ -67,7 +68,8 @@ pub fn export_on_grid(bytes: &[u8], format: ExportFormat, options: &ExportOption
     }
 }
 
-/// Writes the decoded material at the angles of its source file, with the fewest digits that keep the promised error.
+/// Writes the decoded material at the angles of its source file, with the fewest digits that add less than a
+/// tenth of the promised error.
 fn written(decoded: &Decoded, numbers: Option<Numbers<'_>>, format: ExportFormat) -> Result<Restated, ExportError> {
     let (measurement, summary) = (&decoded.measurement, &decoded.summary);
     let document = summary.metadata.as_deref().and_then(|text| serde_json::from_str::<Value>(text).ok());

@@ -186,25 +186,31 @@ fn every_form_of_planes_comes_back() {
         );
         written_again(text.as_bytes());
     }
-    // The last two have planes every 45° without saying so, and planes that begin at C10.
-    for (symmetry, stored, step, first) in [
-        (0, 8, "45", 0),
-        (1, 1, "45", 0),
-        (2, 5, "45", 0),
-        (3, 5, "45", 0),
-        (4, 3, "45", 0),
-        (1, 1, "0", 0),
-        (1, 1, "45", 10),
+    let even = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
+    let uneven = [0.0, 60.83, 90.0, 119.17, 180.0, 240.83, 270.0, 299.17];
+    // The last have planes every 45° without saying so, and planes that begin at C10.
+    for (symmetry, stored, step, planes) in [
+        (0, 8, "45", even),
+        (1, 1, "45", even),
+        (2, 5, "45", even),
+        (3, 5, "45", even),
+        (4, 3, "45", even),
+        (0, 8, "0", uneven),
+        (2, 5, "0", uneven),
+        (3, 5, "0", uneven),
+        (4, 3, "0", uneven),
+        (1, 1, "0", even),
+        (1, 1, "45", even.map(|c| c + 10.0)),
     ] {
         let mut lines: Vec<String> = ["a company", "3", &symmetry.to_string(), "8", step].map(str::to_owned).into();
         lines.extend(["2", "90", "r", "l", "n", "f", "d"].map(str::to_owned));
         lines.extend((0..9).map(|_| "1.5".to_owned()));
         lines.extend(["100", "80", "1.25", "0", "1", "1", "lamp", "500", "warm", "", "9"].map(str::to_owned));
         lines.extend((0..10).map(|i| format!("0.{i}")));
-        lines.extend((0..8).map(|plane| (first + 45 * plane).to_string()).chain(["0".to_owned(), "90".to_owned()]));
+        lines.extend(planes.iter().map(f64::to_string).chain(["0".to_owned(), "90".to_owned()]));
         lines.extend((0..2 * stored).map(|i| format!("{:.1}", 0.3 + 1.7 * f64::from(i))));
         let text = lines.join("\n") + "\n";
-        let listed = (0..8).map(|plane| (first + 45 * plane).to_string()).collect::<Vec<_>>().join("\r\n");
+        let listed = planes.iter().map(f64::to_string).collect::<Vec<_>>().join("\r\n");
         let written = written_again(text.as_bytes());
         assert!(String::from_utf8_lossy(&written).contains(&listed), "{symmetry}");
         // Texts come back in the encoding of the file.

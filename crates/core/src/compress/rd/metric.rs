@@ -34,6 +34,8 @@ pub(super) struct Trial<'a, F> {
     pub(super) floor: f32,
     /// True if quantiser steps are in the unit of the samples, false if in natural logarithms.
     pub(super) linear: bool,
+    /// True if the directional albedo or flux is kept within a bound, too.
+    pub(super) corrects_light: bool,
     /// Function that computes the decoded magnitudes for a quantiser step.
     pub(super) magnitudes: F,
 }
@@ -107,7 +109,7 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
             Metric::Colours(_, at_most) => ("delta_e", *at_most),
             Metric::Samples(bound) => (bound.name, bound.at_most),
         };
-        Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear)))
+        Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear), self.corrects_light))
     }
 
     /// Initial guess of the quantiser step for a wanted error: that of a uniform quantiser, larger because most

@@ -66,6 +66,7 @@ pub(crate) fn compress(
     let is_floored = floor > 0.0 && !values.is_linear() && gridded::Shape::of(axes).is_some();
     // Negative samples enter a mean whose error is promised.
     let is_mixed = restated.amplification() > 1.0;
+    let is_negative = samples.iter().any(|&s| s < 0.0) && !samples.iter().any(|&s| s > 0.0);
     match settings.target {
         Target::MaxRelativeError(_) if is_mixed => with(Below::Clipped, Negative::Weighed),
         _ if is_floored => floored::best_of(measurement, settings, (floor, &restated), with),
@@ -74,7 +75,7 @@ pub(crate) fn compress(
             floored::smaller(bounded, with(Below::Clipped, Negative::Weighed))
         }
         // Without positive samples, errors are those of negative ones.
-        _ if !samples.iter().any(|&s| s > 0.0) => with(Below::Clipped, Negative::Weighed),
+        _ if is_negative && !values.is_linear() => with(Below::Clipped, Negative::Weighed),
         _ => with(Below::Clipped, Negative::Bounded),
     }
 }

@@ -82,7 +82,9 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
             if let Some(step) = largest_power((4.0 * error, finest), basis, &candidate.closest, keeps)? {
                 return Ok(Steps::of(step));
             }
-            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), (candidate.layer.basis(), false)))
+            let of = (candidate.layer.basis(), false);
+            let corrects_light = candidate.settings.albedo_error.is_some();
+            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), of, corrects_light))
         }
         Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
             let magnitudes = |step: f32| candidate.magnitudes(Fineness::of(step));
@@ -92,6 +94,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
                 classes,
                 floor: candidate.floor,
                 linear: candidate.plane.values.is_linear(),
+                corrects_light: candidate.settings.albedo_error.is_some(),
                 magnitudes,
             };
             let found = trial.largest_step(

@@ -10,7 +10,7 @@ use crate::formats::type_c::Planes;
 use crate::notes::{LuminaireNote, Quoted};
 
 /// Symmetries of a luminaire in words, in the order of their number `Isym` in an EULUMDAT file.
-const SYMMETRIES: [&str; 5] = [
+pub(super) const SYMMETRIES: [&str; 5] = [
     "no symmetry",
     "axially symmetric",
     "symmetric about the 0-180 plane",
@@ -21,6 +21,12 @@ const SYMMETRIES: [&str; 5] = [
 /// Metadata key of the angles of all C planes that an axially symmetric file lists, in degrees, if their number and
 /// distance do not tell them.
 pub(super) const LISTED: &str = "c_angles";
+
+/// Returns an angle computed from others, in degrees, without the rounding errors that hide that it has few decimals.
+pub(super) fn decimal_angle(angle: f64) -> f64 {
+    let near = (angle * 1e9).round() / 1e9;
+    if (near - angle).abs() < 1e-11 { near } else { angle }
+}
 
 /// Reads the stored C planes of an EULUMDAT file, the azimuths that they represent, and the symmetry in words.
 /// Intensities are `scale` times the stored numbers.
@@ -64,8 +70,10 @@ pub(super) fn read(
                     return wrong(chosen[i].0, chosen[i].1, expected);
                 }
             }
-            let mirrored =
-                chosen.iter().rev().map(|&(c, offset)| (if c > 180.0 { 540.0 - c } else { 180.0 - c }, offset));
+            let mirrored = chosen
+                .iter()
+                .rev()
+                .map(|&(c, offset)| (decimal_angle(if c > 180.0 { 540.0 - c } else { 180.0 - c }), offset));
             report.note(LuminaireNote::SymmetryOfHalfPlanes);
             (mirrored.collect(), intensities.reversed(ng), Planes::ByAngles)
         }

@@ -4,7 +4,7 @@ use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
 use super::about::NAME;
 use super::header::{DIMENSIONS, MOST_PLANES, ROOM_INDICES, even_planes};
-use super::planes::LISTED;
+use super::planes::{LISTED, SYMMETRIES, decimal_angle};
 use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{AzimuthExtent, Frame, Unit};
 
@@ -61,6 +61,9 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
     let ends = (stored[0], stored[stored.len() - 1]);
     let mut listed = stored.to_vec();
     let symmetry = match (extent, ends) {
+        (None, _) if grid.dialect.starts_with("EULUMDAT") && grid.dialect.ends_with(SYMMETRIES[0]) => {
+            return Some((0, vec![0.0]));
+        }
         (None, _) => {
             // The other planes, which have no values, are listed as well.
             let angles = grid.kept(LISTED).unwrap_or_default().split_whitespace().map(str::parse::<f64>);
@@ -72,17 +75,17 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
             return Some((1, even_planes(count, step).unwrap_or_else(|| vec![0.0])));
         }
         (Some(AzimuthExtent::Quadrant), (0.0, 90.0)) => {
-            listed.extend(stored.iter().rev().skip(1).map(|c| 180.0 - c));
+            listed.extend(stored.iter().rev().skip(1).map(|c| decimal_angle(180.0 - c)));
             let half = listed.clone();
-            listed.extend(half[1..half.len() - 1].iter().rev().map(|c| 360.0 - c));
+            listed.extend(half[1..half.len() - 1].iter().rev().map(|c| decimal_angle(360.0 - c)));
             4
         }
         (Some(AzimuthExtent::Mirrored), (0.0, 180.0)) => {
-            listed.extend(stored[1..stored.len() - 1].iter().rev().map(|c| 360.0 - c));
+            listed.extend(stored[1..stored.len() - 1].iter().rev().map(|c| decimal_angle(360.0 - c)));
             2
         }
         (Some(AzimuthExtent::MirroredAt90), (90.0, 270.0)) => {
-            listed.extend(stored[1..stored.len() - 1].iter().map(|c| (540.0 - c) % 360.0));
+            listed.extend(stored[1..stored.len() - 1].iter().map(|c| decimal_angle((540.0 - c) % 360.0)));
             listed.sort_by(f64::total_cmp);
             // C90 and C270 are found by their number in the list of all planes.
             let quarter = listed.len() / 4;

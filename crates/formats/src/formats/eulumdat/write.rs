@@ -26,7 +26,13 @@ pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Re
     };
     // The rounded lumens as written, so that the reader recovers the intensities.
     let lumens = plain(lumens);
-    let per_kilolumen = 1000.0 / lumens.parse().unwrap_or(flux);
+    let written: f64 = lumens.parse().unwrap_or_default();
+    if written <= 0.0 {
+        return refuse(format!(
+            "the flux of the luminaire is {flux:e} lm, which the file would state as 0 lm; use lm63"
+        ));
+    }
+    let per_kilolumen = 1000.0 / written;
     let (gamma, c) = (&planes.gamma, &planes.c);
     let mut lines: Vec<String> = Vec::new();
     let mut add = |line: String| lines.push(line);
@@ -118,6 +124,12 @@ mod tests {
 
     #[test]
     fn what_the_format_cannot_say_is_refused() {
+        let faint = write_eulumdat(&planes(), Unit::Candela, 1e-30, "").unwrap_err();
+        assert!(
+            faint
+                .to_string()
+                .ends_with("the flux of the luminaire is 1e-30 lm, which the file would state as 0 lm; use lm63")
+        );
         let kind = |unit, flux| write_eulumdat(&planes(), unit, flux, "").unwrap_err().kind;
         assert_eq!(kind(Unit::MilliwattPerSteradian, 1.0), FormatErrorKind::NeedsOption);
         assert_eq!(kind(Unit::Candela, 0.0), FormatErrorKind::NeedsOption);
