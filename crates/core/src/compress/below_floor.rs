@@ -6,21 +6,21 @@ use rayon::prelude::*;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct BelowFloor {
     /// Largest error of a sample whose magnitude is below the floor.
-    small: f32,
+    small: f64,
     /// Largest error of a sample below 0 whose magnitude is at least the floor, and the largest magnitude of one.
-    negative: f32,
-    lowest: f32,
+    negative: f64,
+    lowest: f64,
 }
 
 impl BelowFloor {
     /// Measures the errors of `decoded` samples against the original ones; masked samples are NaN.
     pub(crate) fn measure(original: &[f32], decoded: &[f32], floor: f32) -> Self {
         let one = |(&s, &d): (&f32, &f32)| {
-            let off = (d - s).abs();
+            let off = (f64::from(d) - f64::from(s)).abs();
             if s.abs() < floor {
                 Self { small: off, ..Self::default() }
             } else if s < 0.0 {
-                Self { negative: off, lowest: -s, ..Self::default() }
+                Self { negative: off, lowest: f64::from(-s), ..Self::default() }
             } else {
                 Self::default()
             }
@@ -39,18 +39,19 @@ impl BelowFloor {
 
     /// Returns true if every sample of a magnitude below the floor is at most the floor off.
     pub(crate) fn keeps(&self, floor: f32) -> bool {
-        self.small <= floor
+        self.small <= f64::from(floor)
     }
 
     /// Returns 0 if every sample without a relative error is at most the floor off; 1 if only larger negative samples
     /// are not, and these at most their largest magnitude; otherwise 2.
     pub(crate) fn breach(&self, floor: f32) -> u8 {
-        if !self.keeps(floor) || self.negative > self.lowest.max(floor) { 2 } else { u8::from(self.negative > floor) }
+        let most = f64::from(floor);
+        if !self.keeps(floor) || self.negative > self.lowest.max(most) { 2 } else { u8::from(self.negative > most) }
     }
 
     /// Largest error of a sample whose magnitude is below the floor, in the unit of the samples.
     pub(crate) fn small(&self) -> f64 {
-        f64::from(self.small)
+        self.small
     }
 }
 

@@ -11,7 +11,7 @@ use crate::domain::Measurement;
 
 /// Builds the error for a bound on the error of the samples that no file with this spectral basis keeps, however small
 /// the quantiser step. `linear` is true if samples are coded, false if their logarithms are.
-/// `corrects_light` is true if the directional albedo or flux is kept within a bound, too.
+/// `corrects_light` is true if larger samples make up for the light of negative ones or of those below a floor.
 pub(super) fn cannot_follow(
     (option, wanted): (&'static str, f64),
     closest: f64,

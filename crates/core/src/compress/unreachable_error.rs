@@ -28,7 +28,8 @@ pub enum UnreachableError {
         basis: &'static str,
         /// True if samples are coded, false if their logarithms are.
         linear: bool,
-        /// True if the directional albedo or flux is kept within a bound, too.
+        /// True if larger samples make up for the light of negative ones or of those below a floor, because the
+        /// directional albedo or flux is kept within a bound, too.
         corrects_light: bool,
     },
     /// Bound on the error of every sample, too small for float32 to resolve.
@@ -225,7 +226,7 @@ fn cannot_follow(
         "a larger error".to_owned()
     };
     let another = if corrects_light {
-        ", leave albedo_error or the floor out"
+        ", leave albedo_error out"
     } else if basis == KLT {
         ", another basis (auto; without random access also bior4.4)"
     } else {
@@ -302,7 +303,7 @@ fn missed(option: &str, (wanted, found): (f64, f64), basis: &str) -> String {
     } else if found.is_finite() && (enough <= 10.0 || !is_relative) {
         format!("{option} {} or more", shown(enough))
     } else {
-        "policy rd".to_owned()
+        "policy rd or a larger error".to_owned()
     };
     let rounded = [wanted, found].map(shown);
     let [wanted, found] = if rounded[0] == rounded[1] { [wanted, found].map(|x| format!("{x:e}")) } else { rounded };
@@ -329,11 +330,11 @@ mod tests {
         assert_eq!(error(0.5, false).naming(0.224, 0.223_999), error(0.5, false));
         assert!(error(0.002, false).to_string().ends_with("ask for er_l2 0.13 or more, or lossless"));
         let light = error(0.002, true).to_string();
-        assert!(light.ends_with("ask for a larger error, leave albedo_error or the floor out, or lossless"), "{light}");
+        assert!(light.ends_with("ask for a larger error, leave albedo_error out, or lossless"), "{light}");
         let missed = |option: &'static str, found| {
             UnreachableError::Missed { option, wanted: 0.07, found, basis: "haar".to_owned() }.to_string()
         };
-        assert!(missed("er_l2", 2.8e5).contains("ask for policy rd, another basis, or lossless"));
+        assert!(missed("er_l2", 2.8e5).contains("ask for policy rd or a larger error, another basis, or lossless"));
         assert!(missed("er_l2", 0.08).contains("ask for er_l2 0.084 or more, another basis, or lossless"));
         assert!(missed("albedo_error", 1.0).contains("ask for a file without a bound on the light"));
     }

@@ -100,7 +100,8 @@ const AT_POLE: f64 = 1e-12;
 /// Tolerance in degrees at the ends of an angular range, for the rounding of inverse trigonometric functions.
 const ROUNDING: f64 = 1e-9;
 /// Distance in degrees within which a direction beyond the border of a grid counts as on it. It is larger than the
-/// error of directions in float32 or with six digits, which would otherwise miss the values measured on the border.
+/// error of directions in float32 or with six digits, which would otherwise miss the values measured on the border. In
+/// the direction of the azimuth it is the distance on the sphere.
 const BORDER: f64 = 1e-3;
 /// Largest azimuth accepted in a file, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
@@ -471,10 +472,12 @@ impl DirectionGrid {
             let latitude = if self.frame.polar_range().0 < 0.0 { 90.0 - polar.abs() } else { polar };
             let border = BORDER / libm::sin(latitude.to_radians()).abs();
             // An azimuth just below the first one is counted from it around the circle.
-            match [azimuth, azimuth - 360.0].into_iter().find(|a| *a >= low - border && *a <= high + border) {
-                Some(near) => near.clamp(low, high),
-                None => return None,
+            let beyond = |azimuth: f64| (azimuth - azimuth.clamp(low, high)).abs();
+            let near = if beyond(azimuth - 360.0) < beyond(azimuth) { azimuth - 360.0 } else { azimuth };
+            if beyond(near) > border {
+                return None;
             }
+            near.clamp(low, high)
         };
         let first = if self.is_polar_mirrored { -self.polar[0] } else { self.polar[0] };
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])

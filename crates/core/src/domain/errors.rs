@@ -17,7 +17,7 @@ pub const DEFAULT_ERROR: f64 = 0.01;
 /// Relative errors are defined for scored samples: those with `s > 0` (and `s ≥ floor`, if a floor was declared).
 /// `er_l1 = mean |s'−s|/s` and `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Other samples are counted, and
 /// their absolute error is reported. If a file states several values for one direction, its relative errors are those
-/// of the values or of their means, whichever are larger; see [`ErrorReport::at_directions`].
+/// of the values or of their means, whichever are larger.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ErrorReport {

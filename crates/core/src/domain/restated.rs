@@ -134,8 +134,11 @@ impl Restated {
                 let (s, d) = (f64::from(original[at as usize]), f64::from(decoded(at as usize)));
                 let absolute = (d - s).abs();
                 sum += d;
-                singles.squared += absolute * absolute;
-                singles.signal += s * s;
+                // Values that cancel have no mean to take their place.
+                if mean.is_some() {
+                    singles.squared += absolute * absolute;
+                    singles.signal += s * s;
+                }
                 if self.is_scored(s) {
                     let relative = absolute / s;
                     singles.scored += 1.0;

@@ -132,7 +132,7 @@ options! {
         pub basis: String = AUTO_BASIS.to_owned() => Values::Text { shown: "BASIS", check: basis },
         /// Floor of the relative errors, as a fraction of the largest sample: smaller samples do not count in the
         /// relative errors. With policy rd, the absolute error of samples of a smaller magnitude is at most the floor,
-        /// that of other negative samples at most the largest magnitude of a negative sample.
+        /// that of other negative samples, if er(L2) is bounded, at most the largest magnitude of a negative sample.
         #[serde(default = "Defaults::floor", skip_serializing_if = "Option::is_none")]
         pub floor: Option<f64> = None => Values::Number { shown: "F", limits: FLOOR },
         /// Upper bound on the relative error of the directional albedo or flux of every incoming direction and

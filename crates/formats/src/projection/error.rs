@@ -44,7 +44,7 @@ pub enum ProjectionError {
     #[error(transparent)]
     Axes(#[from] AxisError),
     /// The tensor of the projected measurement cannot be created, for example because a sample is infinite.
-    #[error("on the axes of the material, {0}; values near the largest float32, 3.4e38, need a larger unit")]
+    #[error("on the axes of the material, {0}")]
     Tensor(#[from] TensorError),
 }
 

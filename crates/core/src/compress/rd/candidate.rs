@@ -27,6 +27,9 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// Largest relative error that can be asked for. A larger one is returned for a file that is not to be accepted.
+const BROKEN: f64 = 10.0;
+
 /// Upper bound on the correction of a sample, in correction steps; it keeps the integers within 32 bits.
 const LARGEST_CORRECTION: f64 = (1 << 30) as f64;
 
@@ -159,7 +162,9 @@ impl<'a> Candidate<'a> {
         Some((ChunkKind::Light, encoder.finish()))
     }
 
-    /// Returns the relative RMS error er(L2) of the samples decoded with this quantiser setting.
+    /// Returns the relative RMS error er(L2) of the samples decoded with this quantiser setting, or of the means of
+    /// those stated for one direction if it is larger. If a negative sample breaks its bound, the result exceeds every
+    /// error that can be asked for.
     pub(super) fn relative_error(&self, fineness: Fineness, progress: &dyn Progress) -> Result<f64, CompressError> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
@@ -172,7 +177,12 @@ impl<'a> Candidate<'a> {
         }
         let means = restated.errors(self.original(), |at| sample_of(classes[at], decoded[at]));
         let error = magnitude_error(self.original(), &decoded, classes, self.floor, &means);
-        Ok(if self.plane.weighs_negative { error.max(self.excess(&decoded)) } else { error })
+        Ok(if self.plane.weighs_negative { error.max(BROKEN * self.excess(&decoded)) } else { error })
+    }
+
+    /// Returns true if larger samples make up for the light that negative ones, or those below the floor, have lost.
+    pub(super) fn makes_up_light(&self) -> bool {
+        self.settings.albedo_error.is_some() && (self.floor > 0.0 || self.plane.counts.negative_samples > 0)
     }
 
     /// Largest error of a negative sample that is approximated, as a multiple of the largest magnitude of a negative

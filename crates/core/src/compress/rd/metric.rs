@@ -12,7 +12,7 @@ use super::super::target::{Bound, Target};
 use super::largest_step::{COARSE, largest_falling, largest_power};
 use crate::codec::Class;
 use crate::domain::colour::SpectraColours;
-use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use crate::domain::{Cancelled, ErrorReport, Measurement, Progress, Restated};
 use std::borrow::Cow;
 use std::cell::Cell;
 
@@ -34,7 +34,7 @@ pub(super) struct Trial<'a, F> {
     pub(super) floor: f32,
     /// True if quantiser steps are in the unit of the samples, false if in natural logarithms.
     pub(super) linear: bool,
-    /// True if the directional albedo or flux is kept within a bound, too.
+    /// True if larger samples make up for the light of negative ones or of those below the floor.
     pub(super) corrects_light: bool,
     /// Function that computes the decoded magnitudes for a quantiser step.
     pub(super) magnitudes: F,
@@ -61,6 +61,7 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
         let (axes, samples) = (self.measurement.tensor.axes(), self.measurement.tensor.samples());
         let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
         let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
+        let restated = Restated::of(axes, &original, f64::from(self.floor));
         let coarse = if self.linear { f64::INFINITY } else { COARSE };
         // Measures the error at a step, and if it is kept.
         let measure = |step: f64| {
@@ -82,7 +83,7 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
                     (found, found <= *at_most)
                 }
                 Metric::Samples(bound) => {
-                    let errors = ErrorReport::at_directions(axes, &original, &decoded, f64::from(self.floor));
+                    let errors = ErrorReport::with_means(&restated, &original, &decoded, f64::from(self.floor));
                     ((bound.figure)(&errors), bound.keeps(&errors))
                 }
             };

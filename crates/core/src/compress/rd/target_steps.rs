@@ -83,8 +83,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
                 return Ok(Steps::of(step));
             }
             let of = (candidate.layer.basis(), false);
-            let corrects_light = candidate.settings.albedo_error.is_some();
-            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), of, corrects_light))
+            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), of, candidate.makes_up_light()))
         }
         Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
             let magnitudes = |step: f32| candidate.magnitudes(Fineness::of(step));
@@ -94,7 +93,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
                 classes,
                 floor: candidate.floor,
                 linear: candidate.plane.values.is_linear(),
-                corrects_light: candidate.settings.albedo_error.is_some(),
+                corrects_light: candidate.makes_up_light(),
                 magnitudes,
             };
             let found = trial.largest_step(
@@ -115,7 +114,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
         }
         Target::MaxAbsoluteError(error) => {
             // Samples below the floor keep an absolute error within it.
-            let floored = candidate.plane.counts.below_floor_samples > 0;
+            let floored = candidate.original().iter().any(|&s| s != 0.0 && s.abs() < candidate.floor);
             let error = if floored { error.min(f64::from(candidate.floor)) } else { error };
             let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
             let largest = f64::from(low.abs().max(high.abs()));

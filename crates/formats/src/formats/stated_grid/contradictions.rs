@@ -181,7 +181,7 @@ mod tests {
         let found = Contradictions::of(&Tensor::new(axes.clone(), samples).unwrap(), Repeated::default());
         close(found.normal_incidence, 20.0);
         close(found.poles, 0.0);
-        // Values of both signs cancel at a pole: 3 and 1 cancel less.
+        // Values of both signs cancel at a pole: 1 and -0.9, but not 3 and -0.9.
         let [first, second] = [1.0, 3.0].map(|pole| {
             let samples = vec![pole, -0.9, 1.0, 1.0, 2.0, 2.0, 3.0, 4.0];
             Contradictions::of(&Tensor::new(axes.clone(), samples).unwrap(), Repeated::default())
