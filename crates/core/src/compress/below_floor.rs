@@ -7,8 +7,9 @@ use rayon::prelude::*;
 pub(crate) struct BelowFloor {
     /// Largest error of a sample whose magnitude is below the floor.
     small: f64,
-    /// Largest error of a sample below 0 whose magnitude is at least the floor, and the largest magnitude of one.
+    /// Largest error of a sample below 0 whose magnitude is at least the floor.
     negative: f64,
+    /// Largest magnitude of such a negative sample.
     lowest: f64,
 }
 

@@ -27,7 +27,7 @@ use super::spectral_basis::SpectralBasis;
 use super::target::{Bound, Target};
 use super::unreachable_error::UnreachableError;
 use crate::codec::{ChunkKind, Class, Rows};
-use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use crate::domain::{Cancelled, ErrorReport, Measurement, Progress, Restated};
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
 /// Number of bisections of the coefficient threshold; each halves the remaining interval.
@@ -150,6 +150,12 @@ impl<'a> Work<'a> {
         self.settings.target.bound().filter(|_| self.settings.target != Target::Lossless)
     }
 
+    /// Directions for which the measurement states several values.
+    fn restated(&self) -> Restated {
+        let tensor = &self.measurement.tensor;
+        Restated::of(tensor.axes(), tensor.samples(), f64::from(self.floor))
+    }
+
     fn find_threshold(&self, progress: &dyn Progress) -> Result<f32, CompressError> {
         let n = self.coefficients.len() as f64;
         match (self.settings.target, self.bound()) {
@@ -166,7 +172,8 @@ impl<'a> Work<'a> {
         progress: &dyn Progress,
         accepts: impl Fn(&ErrorReport) -> bool,
     ) -> Result<f32, CompressError> {
-        let (axes, samples) = (self.measurement.tensor.axes(), self.measurement.tensor.samples());
+        let samples = self.measurement.tensor.samples();
+        let (restated, floor) = (self.restated(), f64::from(self.floor));
         let mut decoded = vec![0.0; self.coefficients.len()];
         let keeps = |threshold: f64| {
             if progress.is_cancelled() {
@@ -180,8 +187,7 @@ impl<'a> Work<'a> {
                     *value = f32::NAN;
                 }
             }
-            let errors = ErrorReport::at_directions(axes, samples, &decoded, f64::from(self.floor));
-            Ok(accepts(&errors))
+            Ok(accepts(&ErrorReport::with_means(&restated, samples, &decoded, floor)))
         };
         Ok(largest(self.scale(), REFINEMENTS, keeps)?.map_or(0.0, |threshold| threshold as f32))
     }
@@ -264,11 +270,12 @@ impl<'a> Work<'a> {
         let axes = self.measurement.tensor.axes();
         let transform = GenericTransform::new(axes, &self.transforms, samples, true).map_err(SettingError::from)?;
         let original = self.measurement.tensor.samples();
+        let restated = self.restated();
         let errors = |decoded: &[f32]| {
             self.tally.add(decoded.len());
             let masked: Vec<f32> =
                 original.iter().zip(decoded).map(|(s, &d)| if s.is_nan() { f32::NAN } else { d }).collect();
-            ErrorReport::at_directions(axes, original, &masked, f64::from(self.floor))
+            ErrorReport::with_means(&restated, original, &masked, f64::from(self.floor))
         };
         let er_l2 = |decoded: &[f32]| if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).er_l2 };
         // Margin for the coefficients below dead nodes, which are not coded.

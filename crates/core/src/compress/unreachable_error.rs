@@ -208,35 +208,26 @@ fn cannot_follow(
     (basis, linear): (&str, bool),
     corrects_light: bool,
 ) -> String {
+    let off = if closest.is_finite() { shown(closest) } else { "more than float32 holds".to_owned() };
+    let found = format!("{name} {}: with basis {basis} the closest file is off by {off}", shown(wanted));
+    if corrects_light {
+        return format!(
+            "{found}: to keep the light within albedo_error, larger samples make up for those that are negative or below the \
+             floor; ask for a larger error, leave albedo_error out, or lossless"
+        );
+    }
     let what = if linear { "float32 samples" } else { "logarithms in float32" };
     let why = match basis {
-        _ if corrects_light => {
-            "to keep the light within albedo_error, larger samples make up for those that are negative or \
-                                below the floor"
-                .to_owned()
-        }
         KLT => format!("at most 24 spectral vectors, and {what}, follow this measurement no closer"),
         _ => format!("{what} follow this measurement no closer"),
     };
-    let instead = if corrects_light {
-        "a larger error".to_owned()
-    } else if closest.is_finite() && closest <= 10.0 {
+    let instead = if closest.is_finite() && closest <= 10.0 {
         format!("{name} {} or more", shown(two_digits_up(closest * 1.05)))
     } else {
         "a larger error".to_owned()
     };
-    let another = if corrects_light {
-        ", leave albedo_error out"
-    } else if basis == KLT {
-        ", another basis (auto; without random access also bior4.4)"
-    } else {
-        ""
-    };
-    format!(
-        "{name} {}: with basis {basis} the closest file is off by {}: {why}; ask for {instead}{another}, or lossless",
-        shown(wanted),
-        if closest.is_finite() { shown(closest) } else { "more than float32 holds".to_owned() },
-    )
+    let another = if basis == KLT { ", another basis (auto; without random access also bior4.4)" } else { "" };
+    format!("{found}: {why}; ask for {instead}{another}, or lossless")
 }
 
 fn below_rounding(target: Target, largest: f64) -> String {

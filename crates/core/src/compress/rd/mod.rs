@@ -66,7 +66,7 @@ pub(crate) fn compress(
     let is_floored = floor > 0.0 && !values.is_linear() && gridded::Shape::of(axes).is_some();
     // Negative samples enter a mean whose error is promised.
     let is_mixed = restated.amplification() > 1.0;
-    let is_negative = samples.iter().any(|&s| s < 0.0) && !samples.iter().any(|&s| s > 0.0);
+    let is_negative = measurement.tensor.range().is_some_and(|(low, high)| low < 0.0 && high <= 0.0);
     match settings.target {
         Target::MaxRelativeError(_) if is_mixed => with(Below::Clipped, Negative::Weighed),
         _ if is_floored => floored::best_of(measurement, settings, (floor, &restated), with),
