@@ -123,6 +123,7 @@ kinds! {
     TooManyJobs = TOO_MANY_REQUESTS, "too-many-jobs", "Too many jobs are queued";
     TooManyAtOnce = TOO_MANY_REQUESTS, "too-many-at-once", "The client address or the tenant has too many requests or uploads in progress";
     Overloaded = SERVICE_UNAVAILABLE, "overloaded", "The service is at its limits; try again soon";
+    NoSpace = SERVICE_UNAVAILABLE, "no-space", "A disk of the service is full; nothing new is taken until there is space";
     Unavailable = SERVICE_UNAVAILABLE, "unavailable", "The store or the database did not answer; try again soon";
     OutOfMemory = INSUFFICIENT_STORAGE, "out-of-memory", "The job needs more memory than it may use";
     WorkerLost = INTERNAL_SERVER_ERROR, "worker-lost", "The worker stopped while it ran the job";
@@ -170,6 +171,12 @@ impl Problem {
 
     pub(crate) fn internal(error: &dyn std::fmt::Display) -> Self {
         Self::inside(Kind::Internal, error, "the failure was logged")
+    }
+
+    /// Builds the error response of a service that has no space on a disk; `error` goes to the log.
+    fn no_space(error: &dyn std::fmt::Display) -> Self {
+        let detail = "the service has no space left for new data; delete what is not needed, or try again later";
+        Self::inside(Kind::NoSpace, error, detail).with(header::RETRY_AFTER, "10")
     }
 
     /// Builds the error response for a catalog row whose bytes are missing from the store.
@@ -225,6 +232,9 @@ impl IntoResponse for Problem {
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
+        if error.is_full() {
+            return Self::no_space(&error);
+        }
         match error {
             StoreError::NotFound(digest) => {
                 Self::new(Kind::NotFound, format!("no stored file has the digest {digest}"))
@@ -234,7 +244,7 @@ impl From<StoreError> for Problem {
                 &error,
                 "a stored file does not match its digest; upload the same bytes again",
             ),
-            StoreError::Io(_) | StoreError::Objects(_) => {
+            StoreError::NoSpace { .. } | StoreError::Io(_) | StoreError::Objects(_) => {
                 Self::inside(Kind::Unavailable, &error, "the store did not answer")
             }
         }
@@ -243,8 +253,11 @@ impl From<StoreError> for Problem {
 
 impl From<CatalogError> for Problem {
     fn from(error: CatalogError) -> Self {
+        if error.is_full() {
+            return Self::no_space(&error);
+        }
         match error {
-            CatalogError::Sql(_) | CatalogError::Unreachable { .. } => {
+            CatalogError::Sql(_) | CatalogError::NoSpace | CatalogError::Unreachable { .. } => {
                 Self::inside(Kind::Unavailable, &error, "the catalog did not answer")
             }
             CatalogError::Locked => Self::inside(Kind::Unavailable, &error, "another program has locked the catalog"),

@@ -101,6 +101,18 @@ async fn metrics_page(app: App) -> Result<Response, Problem> {
     let (count, bytes) = app.engine.open_materials().await;
     metrics::gauge!("wavelume_opened_materials").set(count as f64);
     metrics::gauge!("wavelume_opened_bytes").set(bytes as f64);
+    let archive = app.engine.archive.clone();
+    let disks = tokio::task::spawn_blocking(move || {
+        (archive.disks(), archive.catalog.reserve().map(crate::catalog::Reserve::held))
+    });
+    let (disks, reserve) = disks.await.map_err(|error| Problem::internal(&error))?;
+    for (place, disk) in disks {
+        metrics::gauge!("wavelume_disk_free_bytes", "place" => place).set(disk.free as f64);
+        metrics::gauge!("wavelume_disk_bytes", "place" => place).set(disk.size as f64);
+    }
+    if let Some(held) = reserve {
+        metrics::gauge!("wavelume_reserve_bytes").set(held as f64);
+    }
     Ok(page(app.metrics.as_ref()))
 }
 

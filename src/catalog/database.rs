@@ -5,10 +5,14 @@ use super::error::CatalogError;
 use super::file::{self, check};
 use super::lock::Readiness;
 use super::place::Database;
+use super::reserve::Reserve;
+use super::result_code::is_of_disk;
 use super::schema::{Edition, edition};
+use crate::store::Disk;
 use crate::trust::Tenant;
 use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
 use sqlx::{Any, AnyConnection, AnyPool, ConnectOptions, Connection, Executor, Row, SqlStr, Transaction};
+use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -30,6 +34,8 @@ pub(crate) struct Catalog {
     /// handler.
     turn: Arc<Mutex<()>>,
     pub(super) readiness: Arc<Readiness>,
+    /// Reserve of disk space beside a SQLite file, given up when its disk is full; `None` for a server.
+    pub(super) reserve: Option<Reserve>,
     /// Number of further jobs that this process may queue before it counts the waiting jobs of all processes again.
     pub(super) room: Arc<AtomicU64>,
 }
@@ -42,6 +48,7 @@ pub(super) struct Write {
     pub(super) tenant: Tenant,
     /// Start time of the write transaction by the database's clock, ms of the Unix epoch.
     pub(super) now: i64,
+    readiness: Arc<Readiness>,
     _turn: Option<OwnedMutexGuard<()>>,
 }
 
@@ -51,6 +58,13 @@ const TRIES: u32 = 5;
 
 /// Pause before a failed database operation is tried a second time; it doubles before each further try.
 const PAUSE: Duration = Duration::from_millis(20);
+
+/// Free space in bytes below which the log of a SQLite file is kept small, so that it does not fill the disk. Raising it
+/// writes more often into the file itself.
+const SMALL_DISK: u64 = 64 << 20;
+
+/// Statement for a connection to a SQLite file on a disk with little space: the log goes into the file after 32 pages.
+const SMALL_LOG: &str = "PRAGMA wal_autocheckpoint = 32";
 
 /// Longest time that an operation waits for a connection to a SQLite file, whose writers take turns. Raising it bears
 /// longer queues of writers.
@@ -89,28 +103,47 @@ impl Catalog {
         install_default_drivers();
         let dialect = place.dialect();
         let options = AnyConnectOptions::from_str(&url)?.disable_statement_logging();
+        let file = place.file().map(Path::to_owned);
         let pool = AnyPoolOptions::new()
             .max_connections(connections)
             .acquire_timeout(if dialect == Dialect::Sqlite { LOCAL_WAIT } else { SERVER_WAIT })
             .after_connect(move |connection, _| {
+                let has_small_disk = file.as_deref().is_some_and(has_small_disk);
                 Box::pin(async move {
-                    for statement in statements {
+                    for statement in statements.iter().chain(has_small_disk.then_some(&SMALL_LOG)) {
                         connection.execute(*statement).await?;
                     }
                     Ok(())
                 })
             })
+            .after_release(move |connection, _| Box::pin(async move { ended_cleanly(connection, dialect).await }))
             .connect_with(options)
             .await?;
         let readiness = Arc::new(Readiness::new(url));
         let (edition, turn, room) = (edition(), Arc::default(), Arc::default());
-        let tenant = Tenant::default();
-        Ok(Self { pool, place: place.clone(), dialect, tenant, edition, turn, readiness, room })
+        let (tenant, reserve) = (Tenant::default(), place.file().map(|file| Reserve::beside(file, 0)));
+        Ok(Self { pool, place: place.clone(), dialect, tenant, edition, turn, readiness, reserve, room })
     }
 
     /// Returns the catalog as another tenant sees it: rows of others do not exist there.
     pub(crate) fn of(&self, tenant: &Tenant) -> Self {
         Self { tenant: tenant.clone(), ..self.clone() }
+    }
+
+    /// Returns the catalog with a reserve of `bytes` bytes of disk space, if it is a SQLite file. Makes no file.
+    pub(crate) fn with_reserve(self, bytes: u64) -> Self {
+        let reserve = self.place.file().map(|file| Reserve::beside(file, bytes));
+        Self { reserve, ..self }
+    }
+
+    /// Returns the reserve of disk space beside the catalog; `None` for a server.
+    pub(crate) fn reserve(&self) -> Option<&Reserve> {
+        self.reserve.as_ref()
+    }
+
+    /// Fails if the disk of the catalog has no more space than is kept for deletions. Blocks the thread.
+    pub(crate) fn has_room(&self) -> Result<(), CatalogError> {
+        if self.reserve.as_ref().is_some_and(Reserve::is_short) { Err(CatalogError::NoSpace) } else { Ok(()) }
     }
 
     /// Returns the tenant whose rows this catalog object reads and writes.
@@ -146,9 +179,10 @@ impl Catalog {
     pub(super) async fn write(&self) -> Result<Write, CatalogError> {
         let turn = self.turn().await;
         let mut transaction = self.pool.begin_with(self.dialect.begin()).await?;
-        self.readiness.wrote();
+        self.readiness.began();
         let now = sqlx::query(self.sql("SELECT {now}")).fetch_one(&mut *transaction).await?.try_get(0)?;
-        Ok(Write { transaction, dialect: self.dialect, tenant: self.tenant.clone(), now, _turn: turn })
+        let (tenant, readiness) = (self.tenant.clone(), Arc::clone(&self.readiness));
+        Ok(Write { transaction, dialect: self.dialect, tenant, now, readiness, _turn: turn })
     }
 
     /// Begins a transaction for reading a page of a list.
@@ -157,7 +191,7 @@ impl Catalog {
     }
 
     /// Runs a whole database operation, and repeats it after a short pause if another transaction was in its way or its
-    /// connection broke. Its argument is true for a repetition: the earlier try may have been committed although its
+    /// connection broke. If the disk is full, it is repeated in the space that the log or the reserve gives up. Its argument is true for a repetition: the earlier try may have been committed although its
     /// answer was lost.
     pub(super) async fn repeat<T, F>(&self, operation: impl Fn(bool) -> F) -> Result<T, CatalogError>
     where
@@ -173,11 +207,56 @@ impl Catalog {
                     tokio::time::sleep(pause + Duration::from_millis(u64::from(jitter))).await;
                     pause *= 2;
                 }
+                Err(error) if error.is_full() && tried < TRIES && self.find_space().await => {}
+                Err(error) if error.is_full() => {
+                    self.readiness.failed();
+                    return Err(CatalogError::NoSpace);
+                }
+                Err(CatalogError::Sql(error)) if is_of_disk(&error) => {
+                    self.readiness.failed();
+                    return Err(error.into());
+                }
                 done => return done,
             }
         }
         Err(CatalogError::Locked)
     }
+}
+
+impl Catalog {
+    /// Frees space on the full disk of a SQLite file: that of its log, as far as its pages are in the file already, or
+    /// else that of the reserve. Returns true if there is space now.
+    async fn find_space(&self) -> bool {
+        let Some(file) = self.place.file() else { return false };
+        let log = file::log_of(file);
+        let size = || std::fs::metadata(&log).map_or(0, |metadata| metadata.len());
+        let before = size();
+        let _turn = self.turn().await;
+        // Fails while another process reads; the reserve helps then.
+        let emptied = self.pool.execute("PRAGMA wal_checkpoint(TRUNCATE)").await;
+        emptied.is_ok() && size() < before || self.reserve.as_ref().is_some_and(Reserve::give_up)
+    }
+}
+
+fn has_small_disk(file: &Path) -> bool {
+    Disk::of(file).is_ok_and(|disk| disk.free < SMALL_DISK)
+}
+
+/// Returns true if a connection that comes back to the pool has no open transaction. After an error of its disk SQLite
+/// may have rolled a transaction back by itself; the statement of the driver then fails, the driver still counts the
+/// transaction, and no other could begin on this connection.
+async fn ended_cleanly(connection: &mut AnyConnection, dialect: Dialect) -> Result<bool, sqlx::Error> {
+    if dialect == Dialect::Postgres {
+        // A connection that breaks is noticed by the pool.
+        return Ok(true);
+    }
+    // The rollback of a dropped transaction is queued before this.
+    connection.ping().await?;
+    let is_open = connection.is_in_transaction();
+    if is_open {
+        tracing::warn!("a transaction did not end cleanly: its connection to the catalog is closed");
+    }
+    Ok(!is_open)
 }
 
 /// Connects once to a database server, without a pool, whose retries would hide a fault for long.
@@ -194,7 +273,12 @@ impl Write {
     }
 
     pub(super) async fn commit(self) -> Result<(), CatalogError> {
-        Ok(self.transaction.commit().await?)
+        let committed = self.transaction.commit().await;
+        match &committed {
+            Ok(()) => self.readiness.committed(),
+            Err(_) => self.readiness.failed(),
+        }
+        Ok(committed?)
     }
 
     /// Undoes the transaction at once. A transaction that is only dropped keeps its locks for a moment, during which
@@ -206,7 +290,57 @@ impl Write {
 
 #[cfg(test)]
 mod tests {
-    use crate::catalog::testing;
+    use crate::catalog::{Catalog, CatalogError, Database, testing};
+    use sqlx::Executor;
+    use std::time::Duration;
+
+    /// Opens a catalog in a SQLite file with a single connection, and a reserve of 1 MiB.
+    async fn with_one_connection() -> (Catalog, tempfile::TempDir) {
+        let directory = tempfile::tempdir().unwrap();
+        let place = Database::File(directory.path().join("catalog.sqlite"));
+        Catalog::migrate(&place, false).await.unwrap().0.close().await;
+        let catalog = Catalog::open_as_is(&place, 1, Duration::ZERO).await.unwrap().with_reserve(1 << 20);
+        catalog.reserve().unwrap().make().unwrap();
+        (catalog, directory)
+    }
+
+    #[tokio::test]
+    async fn a_connection_that_lost_its_transaction_is_not_used_again() {
+        let (catalog, _guard) = with_one_connection().await;
+        for _ in 0..3 {
+            let mut write = catalog.write().await.unwrap();
+            // As SQLite does by itself when its disk is full: the statement of the driver then finds no transaction.
+            write.transaction.execute("ROLLBACK").await.unwrap();
+            drop(write);
+            testing::add(&catalog, &testing::measurement("lamp")).await;
+            catalog.list().await.unwrap();
+        }
+    }
+
+    #[tokio::test]
+    async fn a_full_disk_takes_the_reserve_and_then_is_not_ready_until_there_is_space() {
+        let (catalog, _guard) = with_one_connection().await;
+        let limit = async |pages: u32| {
+            let statement = format!("PRAGMA max_page_count = {pages}");
+            catalog.pool.execute(sqlx::AssertSqlSafe(statement)).await.unwrap();
+        };
+        // SQLite takes the present size for a smaller one: no page can be added.
+        limit(1).await;
+        let fill = async || {
+            for number in 0..200 {
+                catalog.state("filler", "x".repeat(100 * number), true).await?;
+            }
+            Ok::<_, CatalogError>(())
+        };
+        let full = async || catalog.repeat(|_| async { fill().await }).await;
+        assert!(matches!(full().await, Err(CatalogError::NoSpace)));
+        assert_eq!(catalog.reserve().unwrap().held(), 0, "given up");
+        assert!(!catalog.readiness.is_fresh());
+        limit(1_000_000).await;
+        catalog.ping().await.unwrap();
+        assert!(catalog.readiness.is_fresh(), "a row was written");
+        full().await.unwrap();
+    }
 
     #[tokio::test]
     async fn the_clock_is_in_milliseconds_of_the_epoch() {

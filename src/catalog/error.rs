@@ -1,5 +1,6 @@
 //! Failures of the catalog.
 
+use super::result_code::is_full;
 use crate::store::{Digest, NotADigest};
 use crate::trust::{NotATenant, Tenant};
 use sqlx::migrate::MigrateError;
@@ -35,6 +36,12 @@ pub enum CatalogError {
         /// Fault of the SQLite file, and advice on what to do about it.
         reason: String,
     },
+    /// The disk of the catalog is full, or has no more space than is kept for deletions.
+    #[error(
+        "the disk of the catalog is full: remove other files from it, or make it larger; `wavelume gc --now` removes what \
+         nothing refers to"
+    )]
+    NoSpace,
     /// Another program has held the write lock of the SQLite database for longer than a write should take.
     #[error("the database of the catalog is locked: another program has long been writing to it; end that program")]
     Locked,
@@ -48,6 +55,17 @@ pub enum CatalogError {
         /// Description of what is wrong with the content of the invalid row in the catalog's table.
         reason: String,
     },
+}
+
+impl CatalogError {
+    /// Returns true if the disk of the catalog is full.
+    pub(crate) fn is_full(&self) -> bool {
+        match self {
+            Self::NoSpace => true,
+            Self::Sql(error) => is_full(error),
+            _ => false,
+        }
+    }
 }
 
 /// Returns true if a statement violated a foreign key: a row that it refers to is missing, or another row refers to the

@@ -3,11 +3,18 @@
 use super::dialect::PRAGMAS;
 use super::error::CatalogError;
 use super::lock::PAUSE;
-use super::result_code::{BUSY, CANNOT_OPEN, CORRUPT, NOT_A_DATABASE, READ_ONLY, primary};
+use super::result_code::{BUSY, CANNOT_OPEN, CORRUPT, FULL, NOT_A_DATABASE, READ_ONLY, is_full, primary};
 use sqlx::{AnyConnection, Connection, Executor};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
+
+/// Returns the path of the write-ahead log of the SQLite file `file`.
+pub(super) fn log_of(file: &Path) -> PathBuf {
+    let mut log = file.as_os_str().to_owned();
+    log.push("-wal");
+    log.into()
+}
 
 /// Returns the SQLite URL of `file`, with the path percent-encoded. The file is created if it is missing.
 pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
@@ -66,14 +73,17 @@ const START: Duration = Duration::from_secs(10);
 pub(super) fn is_hopeless(error: &sqlx::Error, start: Instant) -> bool {
     match primary(error) {
         Some(BUSY) => start.elapsed() >= START,
-        Some(READ_ONLY | CORRUPT | CANNOT_OPEN | NOT_A_DATABASE) => true,
-        _ => false,
+        Some(READ_ONLY | CORRUPT | FULL | CANNOT_OPEN | NOT_A_DATABASE) => true,
+        _ => is_full(error),
     }
 }
 
 /// Builds the error for a file that cannot be used as the catalog's database, with advice on what to do.
 pub(super) fn unusable(file: &Path, error: sqlx::Error) -> CatalogError {
     let advice = match primary(&error) {
+        _ if is_full(&error) => {
+            "its disk is full; remove other files from the disk or make it larger, then start again and run `wavelume gc`"
+        }
         Some(NOT_A_DATABASE) => {
             "found other bytes, expected a SQLite database; restore it from a backup, or move it away to begin empty"
         }

@@ -3,6 +3,7 @@
 use super::error::CatalogError;
 use super::result_code::{BUSY, primary};
 use sqlx::{AnyConnection, Connection, Executor};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -18,21 +19,34 @@ pub(super) const PAUSE: Duration = Duration::from_millis(20);
 pub(super) struct Readiness {
     pub(super) url: String,
     pub(super) written: Mutex<Option<Instant>>,
+    /// True if the last write that ended has failed on the disk.
+    is_broken: AtomicBool,
 }
 
 impl Readiness {
     pub(super) fn new(url: String) -> Self {
-        Self { url, written: Mutex::default() }
+        Self { url, written: Mutex::default(), is_broken: AtomicBool::new(false) }
     }
 
     /// Records that this process has just obtained the write lock of the database.
-    pub(super) fn wrote(&self) {
+    pub(super) fn began(&self) {
         *self.written.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+    }
+
+    /// Records that a write of this process has just succeeded.
+    pub(super) fn committed(&self) {
+        self.is_broken.store(false, Ordering::Relaxed);
+        self.began();
+    }
+
+    /// Records that a write of this process has just failed, for another reason than the lock of another one.
+    pub(super) fn failed(&self) {
+        self.is_broken.store(true, Ordering::Relaxed);
     }
 
     pub(super) fn is_fresh(&self) -> bool {
         let written = *self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        written.is_some_and(|written| written.elapsed() < FRESH)
+        !self.is_broken.load(Ordering::Relaxed) && written.is_some_and(|written| written.elapsed() < FRESH)
     }
 }
 

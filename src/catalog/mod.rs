@@ -42,6 +42,7 @@ mod queue;
 mod race_tests;
 mod ranks;
 mod ready;
+mod reserve;
 mod result_code;
 mod retention;
 mod schema;
@@ -72,6 +73,7 @@ pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow,
 pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use partial::{Begun, Bound, Held, NewPartial, Partial, PartialLimits};
 pub(crate) use priority::Priority;
+pub(crate) use reserve::Reserve;
 pub(crate) use retention::Retention;
 pub(crate) use schema::VERSION as SCHEMA;
 pub(crate) use schema::{EDITION, OTHER_TENANTS};

@@ -14,8 +14,9 @@ const PATIENCE: Duration = Duration::from_secs(1);
 impl Catalog {
     /// Checks within about two seconds that the catalog's database answers and can be written.
     ///
-    /// Never waits for a writer and delays none: a write of this process within the last 5 s is proof enough. Otherwise
-    /// a separate connection requests the write lock without waiting and releases it at once.
+    /// Never waits for a writer: a write of this process within the last 5 s is proof enough, unless the last one failed.
+    /// Otherwise a separate connection looks whether the write lock is free, and a row is written through the pool that
+    /// requests use.
     pub(crate) async fn ping(&self) -> Result<(), CatalogError> {
         let read = sqlx::query("SELECT 1 FROM facts LIMIT 1").fetch_optional(&self.pool);
         timeout(PATIENCE, read).await.map_err(|_| self.silent())??;
@@ -26,14 +27,28 @@ impl Catalog {
         let looking = async {
             while !self.readiness.is_fresh() {
                 if is_free(&self.readiness.url).await? {
-                    self.readiness.wrote();
-                } else {
-                    sleep(PAUSE).await;
+                    return self.write_probe().await;
                 }
+                sleep(PAUSE).await;
             }
             Ok(())
         };
         timeout(PATIENCE, looking).await.unwrap_or(Err(CatalogError::Locked))
+    }
+
+    /// Writes a row that nothing reads, to see that the catalog can be written.
+    async fn write_probe(&self) -> Result<(), CatalogError> {
+        let mut write = self.write().await?;
+        let statement = "INSERT INTO facts (name, value) VALUES ('probe', $1) \
+                         ON CONFLICT (name) DO UPDATE SET value = excluded.value";
+        let written = sqlx::query(statement).bind(write.now.to_string()).execute(&mut *write.transaction).await;
+        match written {
+            Ok(_) => write.commit().await,
+            Err(error) => {
+                self.readiness.failed();
+                Err(error.into())
+            }
+        }
     }
 
     /// Returns the error for a database that does not answer in time.

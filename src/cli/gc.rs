@@ -6,7 +6,7 @@ use super::output::{count, print, print_json};
 use super::runtime::block_on;
 use super::settings::KeepSettings;
 use super::site::SiteArgs;
-use crate::jobs::WorkConfig;
+use crate::jobs::{Archive, WorkConfig};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -25,9 +25,11 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let report = block_on(async {
-        let archive = look_after(&args.site).await?;
         let mut config = WorkConfig::new(&args.site.places.directory);
         args.settings.apply(&mut config);
+        // The command is the way out of a full disk.
+        Archive::make_room(&args.site.site(), config.limits.disk_reserve);
+        let archive = look_after(&args.site).await?.keeping(config.limits.disk_reserve);
         archive.sweep_with(&config.limits, args.now).await.map_err(Failure::failed)
     })?;
     if args.json {

@@ -4,9 +4,10 @@
 //! and no process uses a store with another id: a catalog that was restored from a backup beside the running one would
 //! otherwise delete what the original still names.
 
+use super::blobs::BlobError;
 use super::site::Site;
-use crate::catalog::{Catalog, CatalogError, Database, Dialect};
-use crate::store::{Place, Staging, Store, StoreError};
+use crate::catalog::{Catalog, CatalogError, Database, Dialect, Reserve};
+use crate::store::{Disk, Place, Staging, Store, StoreError};
 use crate::trust::Tenant;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -156,6 +157,48 @@ impl Archive {
         let archive = Self { data: root, store, staging, catalog, database, place, seen: Arc::default() };
         archive.claim(site.adopt.as_deref()).await?;
         Ok(archive)
+    }
+
+    /// Returns the archive with `bytes` bytes of its disks kept free for deletions.
+    pub(crate) fn keeping(self, bytes: u64) -> Self {
+        Self { catalog: self.catalog.with_reserve(bytes), staging: self.staging.keeping(bytes), ..self }
+    }
+
+    /// Gives up the reserve beside the catalog of a site if its disk is full, so that the catalog can be opened.
+    pub(crate) fn make_room(site: &Site, bytes: u64) {
+        if let Some(file) = site.database(&site.data).file() {
+            Reserve::beside(file, bytes).make_room();
+        }
+    }
+
+    /// Fails if a disk of this service has no more space than is kept for deletions.
+    pub(crate) async fn has_room(&self) -> Result<(), BlobError> {
+        self.has_room_for_rows().await?;
+        let staging = self.staging.clone();
+        let looked = tokio::task::spawn_blocking(move || staging.has_room()).await;
+        Ok(looked.map_err(|error| StoreError::Io(error.into()))??)
+    }
+
+    /// Fails if the disk of the catalog has no more space than is kept for deletions.
+    pub(crate) async fn has_room_for_rows(&self) -> Result<(), CatalogError> {
+        let catalog = self.catalog.clone();
+        // A task that ends without a result says nothing about the disk.
+        tokio::task::spawn_blocking(move || catalog.has_room()).await.unwrap_or(Ok(()))
+    }
+
+    /// Measures the disks of the catalog, the store and the temporary files, as far as they are on this machine. Blocks
+    /// the thread.
+    pub(crate) fn disks(&self) -> Vec<(&'static str, Disk)> {
+        let store = match &self.place {
+            Place::Directory(directory) => Some(directory.as_path()),
+            Place::S3 { .. } => None,
+        };
+        let places = [
+            ("catalog", self.database.file().and_then(Path::parent)),
+            ("store", store),
+            ("staging", Some(self.staging.directory())),
+        ];
+        places.into_iter().filter_map(|(name, place)| Some((name, Disk::of(place?).ok()?))).collect()
     }
 
     /// Returns the archive as the given tenant sees it: rows and stored bytes of others do not exist there.
@@ -312,6 +355,19 @@ mod tests {
         *archive.seen.lock().unwrap() = None;
         assert!(matches!(archive.belonged().await, Err(ArchiveError::Belongs(_))), "nor does it write");
         assert!(matches!(Archive::open(mine.path()).await, Err(ArchiveError::Belongs(_))));
+    }
+
+    #[tokio::test]
+    async fn new_bytes_are_refused_before_the_kept_space_is_used() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        archive.has_room().await.unwrap();
+        // No disk has as much.
+        let archive = Archive { staging: archive.staging.clone().keeping(0), ..archive.keeping(0) };
+        archive.has_room().await.unwrap();
+        let disk = Disk::of(data.path()).unwrap();
+        assert!(Disk { free: 0, ..disk }.is_short(1 << 20));
+        assert_eq!(archive.disks().len(), 3);
     }
 
     #[tokio::test]

@@ -66,7 +66,7 @@ impl From<StoreError> for Failure {
                 tracing::error!(%error, "stored bytes that a job reads are missing or damaged");
                 last(Code::Corrupt, "the stored bytes of the measurement are damaged; upload the file again")
             }
-            StoreError::Io(_) | StoreError::Objects(_) => Self::Passing(error.to_string()),
+            StoreError::NoSpace { .. } | StoreError::Io(_) | StoreError::Objects(_) => Self::Passing(error.to_string()),
         }
     }
 }

@@ -68,8 +68,9 @@ const TOLD: u32 = 20;
 impl Engine {
     /// Opens the data directory and starts the threads. No job runs yet.
     pub(crate) async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
-        let archive = Archive::serve(&config.site).await?;
         let limits = config.limits.clone();
+        Archive::make_room(&config.site, limits.disk_reserve);
+        let archive = Archive::serve(&config.site).await?.keeping(limits.disk_reserve);
         let presence = Presence::enter(&archive.data.join(WORKERS))
             .map_err(|source| ArchiveError::Directory { directory: archive.data.clone(), source })?;
         let workers = config.workers.max(1);
@@ -129,6 +130,8 @@ impl Engine {
         request: &impl Queued,
         idempotency: Option<(String, Digest)>,
     ) -> Result<Enqueued, CatalogError> {
+        // A job waits where the store has no space, but its row needs some.
+        self.archive.has_room_for_rows().await?;
         let id = uuid::Uuid::now_v7().to_string();
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
         let frame = request.frame().map_err(refused)?;

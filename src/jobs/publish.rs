@@ -106,8 +106,9 @@ pub(super) async fn publish_part(archive: &Archive, staged: &Staged, upload: &Pa
     Ok(object)
 }
 
-/// Checks that the store still belongs to the catalog.
+/// Checks that there is space, and that the store still belongs to the catalog.
 async fn writable(archive: &Archive) -> Result<(), BlobError> {
+    archive.has_room().await?;
     archive.belonged().await.map_err(|error| match error {
         ArchiveError::Store(error) => BlobError::Store(error),
         ArchiveError::Catalog(error) => BlobError::Catalog(error),

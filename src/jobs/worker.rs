@@ -29,6 +29,12 @@ const LONGEST_AGEING: Duration = Duration::from_mins(1);
 /// every job. Raising it delays visible progress, and cancellation by another process.
 const BEAT: Duration = Duration::from_secs(1);
 
+/// Pause of a worker that finds no space on a disk. Raising it takes up jobs later once there is space again.
+const SHORT_OF_SPACE: Duration = Duration::from_secs(2);
+
+/// Interval at which a service makes the reserve of disk space anew, if it was given up and there is space again.
+const RESERVE: Duration = Duration::from_secs(2);
+
 /// Opens the catalog and store of a configuration and runs jobs until `stop`. Calls `ready` with the places of the
 /// catalog and the store before the first job.
 pub(crate) async fn work<E>(
@@ -58,6 +64,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &Cancellatio
     tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
     tasks.spawn(sweeping(Arc::clone(engine), stop.clone()));
     tasks.spawn(ageing(Arc::clone(engine), stop.clone()));
+    tasks.spawn(reserving(Arc::clone(engine), stop.clone()));
     tasks.spawn(scrubbing(Arc::clone(engine), stop.clone()));
     tasks.spawn(listening(Arc::clone(engine), stop.clone()));
     for _ in 0..workers {
@@ -76,6 +83,14 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
             () = sleep(pause) => {}
             () = engine.hub.wait_for_job() => {}
         }
+        // A job whose result finds no space would fail, and count as an attempt.
+        if let Err(error) = engine.archive.has_room().await {
+            if pause != SHORT_OF_SPACE {
+                tracing::warn!(%error, "no job is taken from the queue until there is space");
+            }
+            pause = SHORT_OF_SPACE;
+            continue;
+        }
         match engine.claim().await {
             Ok(Some(job)) => {
                 pause = Duration::ZERO;
@@ -86,6 +101,26 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
                 tracing::error!(%error, "the worker cannot claim jobs from the queue");
                 pause = LOOK;
             }
+        }
+    }
+}
+
+/// Makes the reserve of disk space beside the catalog, and makes it anew after it was given up.
+async fn reserving(engine: Arc<Engine>, stop: CancellationToken) {
+    let Some(reserve) = engine.archive.catalog.reserve().cloned() else { return };
+    let mut ticks = interval(RESERVE);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        let reserve = reserve.clone();
+        match tokio::task::spawn_blocking(move || reserve.make()).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => tracing::warn!(%error, "the reserve of disk space beside the catalog was not made"),
+            Err(error) => tracing::warn!(%error, "the reserve of disk space beside the catalog was not made"),
         }
     }
 }

@@ -1,7 +1,9 @@
 //! Failures to store or to find bytes.
 
 use super::digest::Digest;
+use std::io::ErrorKind;
 use std::ops::Range;
+use std::path::PathBuf;
 
 /// Failure to store or to find bytes.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +27,12 @@ pub enum StoreError {
         /// Size of the stored file in bytes.
         size: u64,
     },
+    /// The disk of the store, or that of temporary files, has no more space than is kept for deletions.
+    #[error("the disk of {} has no space left for new data", directory.display())]
+    NoSpace {
+        /// Directory whose disk is full.
+        directory: PathBuf,
+    },
     /// The file system returned an error.
     #[error("the file system failed: {0}")]
     Io(#[from] std::io::Error),
@@ -40,7 +48,22 @@ impl StoreError {
         match self {
             Self::NotFound(_) => Some("missing"),
             Self::Corrupt { .. } | Self::Range { .. } => Some("corrupt"),
-            Self::Io(_) | Self::Objects(_) => None,
+            Self::NoSpace { .. } | Self::Io(_) | Self::Objects(_) => None,
         }
+    }
+
+    /// Returns true if a disk is full, or a quota of the file system is used up.
+    pub(crate) fn is_full(&self) -> bool {
+        let mut next: Option<&(dyn std::error::Error + 'static)> = Some(self);
+        while let Some(error) = next {
+            let kind = error.downcast_ref::<std::io::Error>().map(std::io::Error::kind);
+            if matches!(kind, Some(ErrorKind::StorageFull | ErrorKind::QuotaExceeded))
+                || matches!(error.downcast_ref(), Some(Self::NoSpace { .. }))
+            {
+                return true;
+            }
+            next = error.source();
+        }
+        false
     }
 }

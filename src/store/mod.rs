@@ -7,6 +7,7 @@
 //! say.
 
 mod digest;
+mod disk;
 mod error;
 mod interface;
 mod local;
@@ -26,6 +27,7 @@ pub use place::Place;
 pub use tls::provide_tls;
 pub use verified::WHOLE;
 
+pub(crate) use disk::Disk;
 pub(crate) use interface::Store;
 pub(crate) use object::{FOLDER, Object, PARTS};
 pub(crate) use probe::{Probe, Step};

@@ -1,6 +1,7 @@
 //! Bytes on their way in: a file that is hashed while it is written, and vanishes unless it is published.
 
 use super::digest::Digest;
+use super::disk::Disk;
 use super::error::StoreError;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
@@ -12,6 +13,8 @@ use std::time::{Duration, SystemTime};
 #[derive(Clone, Debug)]
 pub(crate) struct Staging {
     directory: PathBuf,
+    /// Space in bytes that temporary files leave free on their disk; less on a small disk.
+    kept: u64,
 }
 
 /// A temporary file that is being written. Dropping it removes the file.
@@ -21,6 +24,7 @@ pub(crate) struct StagedWriter {
     hasher: blake3::Hasher,
     bytes: u64,
     path: TemporaryPath,
+    staging: Staging,
 }
 
 /// A complete temporary file with its digest. Dropping it removes the file, unless the file was moved into the store.
@@ -62,14 +66,28 @@ impl Drop for TemporaryPath {
 impl Staging {
     /// Uses an existing directory for temporary files.
     pub(crate) fn new(directory: impl Into<PathBuf>) -> Self {
-        Self { directory: directory.into() }
+        Self { directory: directory.into(), kept: 0 }
+    }
+
+    /// Returns the same directory, whose temporary files leave `kept` bytes of their disk free.
+    pub(crate) fn keeping(self, kept: u64) -> Self {
+        Self { kept, ..self }
+    }
+
+    /// Fails if the disk has no more space than is kept for deletions. Blocks the thread.
+    pub(crate) fn has_room(&self) -> Result<(), StoreError> {
+        if self.kept > 0 && Disk::of(&self.directory)?.is_short(self.kept) {
+            return Err(StoreError::NoSpace { directory: self.directory.clone() });
+        }
+        Ok(())
     }
 
     /// Creates a temporary file. This call and all calls on the file block the thread.
     pub(crate) fn begin(&self) -> Result<StagedWriter, StoreError> {
+        self.has_room()?;
         let path = TemporaryPath::fresh(&self.directory);
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path.0)?;
-        Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path })
+        Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path, staging: self.clone() })
     }
 
     /// Returns the directory of the temporary files.
@@ -147,6 +165,7 @@ impl Reserved {
 impl StagedWriter {
     /// Appends bytes to the temporary file, and adds them to its digest.
     pub(crate) fn write(&mut self, piece: &[u8]) -> Result<(), StoreError> {
+        self.staging.has_room()?;
         self.file.write_all(piece)?;
         self.hasher.update(piece);
         self.bytes += piece.len() as u64;
