@@ -184,10 +184,10 @@ impl Problem {
         Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
     }
 
-    /// Builds the error response for a service whose file store another service's database has taken over; `reason`
+    /// Builds the error response for a service whose file store is away, or was taken over by another service; `reason`
     /// goes to the log.
-    fn foreign(reason: &str) -> Self {
-        Self::inside(Kind::Unavailable, &reason, "the store of this service was taken over by another one")
+    pub(crate) fn away(reason: &str) -> Self {
+        Self::inside(Kind::Unavailable, &reason, "the store of this service is away; try again later")
     }
 
     /// Builds the error response for a stored file that a row of the database names but that cannot be read. If the
@@ -274,7 +274,7 @@ impl From<BlobError> for Problem {
         match error {
             BlobError::Store(error) => error.into(),
             BlobError::Catalog(error) => error.into(),
-            BlobError::Foreign(reason) => Self::foreign(&reason),
+            BlobError::Away(reason) => Self::away(&reason),
         }
     }
 }
@@ -365,7 +365,7 @@ impl From<IngestError> for Problem {
             IngestError::Maths(error) => error.into(),
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
-            IngestError::Foreign(reason) => Self::foreign(&reason),
+            IngestError::Away(reason) => Self::away(&reason),
             IngestError::Over(over) => over.into(),
         }
     }

@@ -59,14 +59,11 @@ async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// Check that the service is ready: the catalog answers, and both the catalog and the data directory can be written.
-/// Never waits for another writer; takes at most about three seconds.
-///
-/// If the store does not answer, the status is still 200 and the text begins with `degraded`, because another node
-/// would not reach the store either.
+/// Check that the service is ready: the catalog answers, both the catalog and the data directory can be written, and
+/// the store answers and belongs to this service. Never waits for another writer; takes at most about four seconds.
 #[utoipa::path(
     get, path = "/readyz", tag = "root",
-    responses((status = 200, description = "The service is ready: `ready`, or `degraded` and the reason", body = String, content_type = "text/plain"))
+    responses((status = 200, description = "The service is ready: `ready`", body = String, content_type = "text/plain"))
 )]
 async fn readyz(app: App) -> Result<&'static str, Problem> {
     if app.stopping.is_cancelled() {
@@ -76,11 +73,8 @@ async fn readyz(app: App) -> Result<&'static str, Problem> {
     let staging = app.engine.archive.staging.clone();
     let staged = tokio::task::spawn_blocking(move || staging.stage(b"ready?").map(drop)).await;
     staged.map_err(|error| Problem::internal(&error))??;
-    Ok(if app.engine.archive.store_answers().await {
-        "ready\n"
-    } else {
-        "degraded: the store does not answer; uploads and files that are not in memory are refused with 503\n"
-    })
+    app.engine.archive.answers().await.map_err(|reason| Problem::away(&reason))?;
+    Ok("ready\n")
 }
 
 /// Get the metrics of the service in the text format of Prometheus.

@@ -43,10 +43,11 @@ enum Cut {
     Slow(Slow),
 }
 
-/// Reason for which the bytes of a resumable upload ended early: a part cannot be read from the store.
+/// Reason for which the bytes of a resumable upload ended early: a part cannot be read from the store. Holds the kind
+/// of the answer.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("a part of the upload cannot be read from the store")]
-pub(crate) struct Lost;
+pub(crate) struct Lost(pub(crate) Kind);
 
 /// Streams the bytes of a resumable upload, which `headers` describe, into a staging file.
 pub(crate) async fn receive_stream(
@@ -198,9 +199,9 @@ fn coding(headers: &HeaderMap) -> Result<Coding, Problem> {
 }
 
 fn broken(error: &io::Error, coding: Coding) -> Problem {
-    if error.get_ref().and_then(|inner| inner.downcast_ref::<Lost>()).is_some() {
+    if let Some(Lost(kind)) = error.get_ref().and_then(|inner| inner.downcast_ref()) {
         return Problem::new(
-            Kind::Corrupt,
+            *kind,
             "the upload cannot be read from the store; repeat this request, or begin another upload",
         );
     }

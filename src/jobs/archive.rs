@@ -68,17 +68,13 @@ const PATIENCE: Duration = Duration::from_mins(1);
 /// to the limit of the database.
 pub(super) const CONNECTIONS: u32 = 8;
 
-/// Time for which a check that the store holds this catalog's id stays valid for writes. Raising it lets a process
+/// Seconds for which a check that an S3 store holds this catalog's id stays valid for writes. Raising it lets a process
 /// write for longer into a store that another catalog has taken over.
 const BELIEVED: Duration = Duration::from_secs(30);
 
-/// Time for which the readiness check trusts an earlier answer of the store. Raising it spares the store requests, but
-/// delays the news that it is away.
-const FRESH: Duration = Duration::from_secs(10);
-
-/// Seconds that the readiness check gives the store to answer. Raising it tolerates slower stores, but delays the
-/// readiness check while the store is away.
-const PROBE: Duration = Duration::from_secs(1);
+/// Seconds that the store has to answer the readiness check, or a worker whose job has failed. Raising it tolerates
+/// slower stores, but delays both while the store is away.
+const PROBE: Duration = Duration::from_secs(2);
 
 impl Archive {
     /// Opens the catalog and store in a data directory, creates missing parts, and brings the catalog's schema up to
@@ -146,6 +142,11 @@ impl Archive {
     ) -> Result<Self, ArchiveError> {
         let place = site.store(&root);
         if let Place::Directory(directory) = &place {
+            // Nothing is left in an empty mount point.
+            let is_bare = matches!(directory.join(INSTANCE).try_exists(), Ok(false));
+            if is_bare && catalog.has_claimed_store().await? && catalog.copied_from().await?.is_none() {
+                return Err(lacks_id(&place, &database, &catalog.instance().await?));
+            }
             std::fs::create_dir_all(directory)
                 .map_err(|source| ArchiveError::Directory { directory: directory.clone(), source })?;
         }
@@ -236,53 +237,42 @@ impl Archive {
         self.belongs().await
     }
 
-    /// Checks that the store still holds this catalog's id. Done before each round of deletions.
+    /// Asks the store now if it holds this catalog's id: a store that is away, such as an unmounted directory or a
+    /// bucket that a gateway denies, holds none. Done before each round of deletions, and around each look at a fault.
     pub(super) async fn belongs(&self) -> Result<(), ArchiveError> {
-        let (ours, found) = (self.catalog.instance().await?, self.store.note(INSTANCE).await?);
+        let ours = self.catalog.instance().await?;
+        let found = self.store.note(INSTANCE).await;
+        let is_ours = found.as_ref().is_ok_and(|id| id.as_ref() == Some(&ours));
+        *self.seen.lock().unwrap_or_else(PoisonError::into_inner) = is_ours.then(Instant::now);
         let Self { place, database, .. } = self;
-        match found {
-            Some(id) if id == ours => {
-                *self.seen.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
-                Ok(())
-            }
+        match found? {
+            Some(id) if id == ours => Ok(()),
             Some(id) => Err(ArchiveError::Belongs(format!(
                 "the store {place} belongs to the catalog {id}, but the catalog {database} is {ours}: check --store and \
                  --database; if the catalog {id} is gone for good, take its store over with --adopt-store {id}"
             ))),
-            None => Err(ArchiveError::Belongs(format!(
-                "the store {place} carries no {INSTANCE}, but the catalog {database} ({ours}) has used a store before: \
-                 check --store; if it is the right one and the text was removed, write {ours} to {INSTANCE} in it"
-            ))),
+            None => Err(lacks_id(place, database, &ours)),
         }
     }
 
-    /// Checks that the store still holds this catalog's id, but trusts a check made within the last [`BELIEVED`]. Done
-    /// before bytes are written.
+    /// Checks that the store still holds this catalog's id. Asks a directory each time, because bytes could be written
+    /// into an empty mount point; trusts an S3 store that held it within the last [`BELIEVED`]. Done before bytes are
+    /// written.
     pub(super) async fn belonged(&self) -> Result<(), ArchiveError> {
-        if self.seen_within(BELIEVED) { Ok(()) } else { self.belongs().await }
-    }
-
-    /// Returns true if the store answers within a second and belongs to this catalog, or did so a moment ago.
-    pub(crate) async fn store_answers(&self) -> bool {
-        if self.seen_within(FRESH) {
-            return true;
-        }
-        match tokio::time::timeout(PROBE, self.belongs()).await {
-            Ok(Ok(())) => true,
-            Ok(Err(error)) => {
-                tracing::warn!(%error, "the store cannot be used");
-                false
-            }
-            Err(_) => {
-                tracing::warn!(store = %self.place, "the store does not answer");
-                false
-            }
-        }
-    }
-
-    fn seen_within(&self, time: Duration) -> bool {
         let seen = *self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        seen.is_some_and(|seen| seen.elapsed() < time)
+        let is_believed = seen.is_some_and(|seen| seen.elapsed() < BELIEVED);
+        match self.place {
+            Place::S3 { .. } if is_believed => Ok(()),
+            Place::S3 { .. } | Place::Directory(_) => self.belongs().await,
+        }
+    }
+
+    /// Asks the store now, for at most [`PROBE`], if it holds this catalog's id. Returns the reason why it is away.
+    pub(crate) async fn answers(&self) -> Result<(), String> {
+        match tokio::time::timeout(PROBE, self.belongs()).await {
+            Ok(answer) => answer.map_err(|error| error.to_string()),
+            Err(_) => Err(format!("the store {} did not answer within {} s", self.place, PROBE.as_secs())),
+        }
     }
 
     fn is_copy(&self, id: &str, found: Option<&str>) -> ArchiveError {
@@ -297,6 +287,15 @@ impl Archive {
              store of its own, or, if the original is gone for good, take its store over with --adopt-store {id}"
         ))
     }
+}
+
+/// Builds the error for a store that carries no id, although the catalog with the id `ours` has used a store before.
+fn lacks_id(place: &Place, database: &Database, ours: &str) -> ArchiveError {
+    ArchiveError::Belongs(format!(
+        "the store {place} carries no {INSTANCE}, but the catalog {database} ({ours}) has used a store before: check \
+         --store and that its disk is mounted; if it is the right one and the text was removed, write {ours} to \
+         {INSTANCE} in it"
+    ))
 }
 
 /// Refuses a catalog that a restore or a move has begun to fill.
@@ -352,7 +351,6 @@ mod tests {
         let taken = Archive::serve(&foreign).await.unwrap();
         assert!(matches!(archive.belongs().await, Err(ArchiveError::Belongs(_))), "the first is refused from now on");
         taken.belongs().await.unwrap();
-        *archive.seen.lock().unwrap() = None;
         assert!(matches!(archive.belonged().await, Err(ArchiveError::Belongs(_))), "nor does it write");
         assert!(matches!(Archive::open(mine.path()).await, Err(ArchiveError::Belongs(_))));
     }
@@ -375,19 +373,37 @@ mod tests {
         let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let data = tempfile::tempdir().unwrap();
         let mut archive = Archive::open(data.path()).await.unwrap();
-        assert!(archive.store_answers().await);
+        archive.answers().await.unwrap();
         archive.store = crate::store::s3_at(silent.local_addr().unwrap());
-        assert!(archive.store_answers().await, "an answer of a moment ago is trusted");
-        *archive.seen.lock().unwrap() = None;
-        assert!(!archive.store_answers().await);
+        let error = archive.answers().await.unwrap_err();
+        assert!(error.contains("did not answer within"), "{error}");
+    }
+
+    #[tokio::test]
+    async fn the_store_is_trusted_for_writes_until_it_is_seen_to_be_away() {
+        for (site, _guard) in crate::jobs::site::tests::sites().await {
+            let archive = Archive::serve(&site).await.unwrap();
+            let id = archive.catalog.instance().await.unwrap();
+            archive.store.set_note(INSTANCE, String::new()).await.unwrap();
+            let is_trusted = archive.belonged().await.is_ok();
+            assert_eq!(is_trusted, matches!(archive.place, Place::S3 { .. }), "a directory is asked each time");
+            archive.answers().await.unwrap_err();
+            assert!(matches!(archive.belonged().await, Err(ArchiveError::Belongs(_))), "it was seen to be away");
+            archive.store.set_note(INSTANCE, id).await.unwrap();
+            archive.belonged().await.unwrap();
+        }
     }
 
     #[tokio::test]
     async fn a_store_that_has_lost_its_text_is_not_taken_for_a_new_one() {
         let data = tempfile::tempdir().unwrap();
-        Archive::open(data.path()).await.unwrap();
-        std::fs::remove_file(data.path().join(INSTANCE)).unwrap();
-        let error = Archive::open(data.path()).await.unwrap_err().to_string();
-        assert!(error.contains("carries no wavelume-instance"), "{error}");
+        let mounted = data.path().join("store");
+        let site = Site { store: Some(Place::Directory(mounted.clone())), ..Site::new(data.path()) };
+        Archive::serve(&site).await.unwrap();
+        std::fs::remove_dir_all(&mounted).unwrap();
+        std::fs::create_dir(&mounted).unwrap();
+        let error = Archive::serve(&site).await.unwrap_err().to_string();
+        assert!(error.contains("carries no wavelume-instance") && error.contains("is mounted"), "{error}");
+        assert_eq!(std::fs::read_dir(&mounted).unwrap().count(), 0, "nothing is left in the mount point");
     }
 }

@@ -15,6 +15,9 @@ pub(crate) enum Failure {
     /// The attempt to run the job failed for a transient reason, such as an error of the disk or database: another
     /// attempt may succeed.
     Passing(String),
+    /// Stored bytes that the job reads are missing or damaged. They may be back for another attempt; the job is dead
+    /// after the last one.
+    Damaged,
     /// The attempt to run the job was stopped on request.
     Stopped,
     /// The job, or its measurement, contains something that only a newer version understands: a newer worker must take
@@ -64,7 +67,7 @@ impl From<StoreError> for Failure {
         match error {
             StoreError::Corrupt { .. } | StoreError::NotFound(_) | StoreError::Range { .. } => {
                 tracing::error!(%error, "stored bytes that a job reads are missing or damaged");
-                last(Code::Corrupt, "the stored bytes of the measurement are damaged; upload the file again")
+                Self::Damaged
             }
             StoreError::NoSpace { .. } | StoreError::Io(_) | StoreError::Objects(_) => Self::Passing(error.to_string()),
         }
@@ -76,7 +79,7 @@ impl From<BlobError> for Failure {
         match error {
             BlobError::Store(error) => error.into(),
             BlobError::Catalog(error) => error.into(),
-            BlobError::Foreign(reason) => Self::Passing(reason),
+            BlobError::Away(reason) => Self::Passing(reason),
         }
     }
 }

@@ -196,7 +196,10 @@ impl Archive {
                 match &fetched {
                     Ok(staged) => to.publish(staged, &kept(object.digest())).await?,
                     Err(lost) if lost.kind == UNREADABLE => {}
-                    Err(_) => self.mark_damaged(&object).await?,
+                    Err(_) => {
+                        self.belongs().await?;
+                        self.catalog.suspect(&object).await?;
+                    }
                 }
                 Ok::<_, ArchiveError>(fetched.map(|staged| staged.bytes()))
             });

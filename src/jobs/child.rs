@@ -99,7 +99,9 @@ fn work(order: Order<Value>, progress: &Out) -> Message {
         Err(Failure::Final(problem)) => return Message::Failed(problem),
         Err(Failure::Newer(detail)) => return Message::Newer(detail),
         Err(Failure::Passing(detail)) => return Message::Passing(detail),
-        Err(Failure::Stopped) => return Message::Passing("the computation stopped by itself".to_owned()),
+        Err(Failure::Stopped | Failure::Damaged) => {
+            return Message::Passing("the computation stopped by itself".to_owned());
+        }
     };
     let create = OpenOptions::new().write(true).create_new(true).open(&order.result);
     match create.and_then(|mut file| file.write_all(&bytes)) {

@@ -167,7 +167,7 @@ impl From<IngestError> for Failure {
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
             IngestError::Maths(error) => error.into(),
-            IngestError::Foreign(reason) => Self::Passing(reason),
+            IngestError::Away(reason) => Self::Passing(reason),
             IngestError::Over(over) => last(Code::QuotaExceeded, over),
             IngestError::Refused(_) | IngestError::Unfit(_) | IngestError::Spectrum(_) => {
                 last(Code::UnreadableMeasurement, error)

@@ -124,9 +124,9 @@ limits! {
         /// Time after which a waiting batch job (`"priority": 1`) counts as a usual one, so that usual jobs do not hold
         /// it up for ever.
         batch_age: Duration = Duration::from_hours(1), Time >= 1000;
-        /// Upper bound on the attempts at a job whose disk, store or database failed; after the last one its state is
-        /// `dead`.
-        attempts: u32 = 5, Count >= 1;
+        /// Upper bound on the attempts at a job whose disk or database failed, or whose stored bytes are missing or
+        /// damaged; after the last one its state is `dead`. Attempts without the store do not count.
+        attempts: u32 = 7, Count >= 1;
         /// Upper bound on the attempts at a job whose worker process died; after the last one its state is `dead`,
         /// because the job may be what ends its workers.
         lost: u32 = 20, Count >= 1;

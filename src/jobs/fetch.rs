@@ -1,6 +1,7 @@
 //! Stored bytes copied from one store towards another: read, verified and staged, several at once.
 
 use super::archive::{ArchiveError, BACKUP, INSTANCE};
+use super::blobs::APART;
 use super::dump::{Rows, blocking};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Staged, Staging, Store, StoreError, StoreExt, WHOLE};
@@ -8,6 +9,7 @@ use crate::trust::Tenant;
 use futures::TryStreamExt;
 use serde::Serialize;
 use std::sync::Arc;
+use tokio::time::sleep;
 
 /// Number of files that are copied at once. Raising it needs more memory, up to 8 MiB each.
 pub(super) const AT_ONCE: usize = 8;
@@ -113,8 +115,10 @@ pub(super) async fn fetch_or_lose(
     object: &Object,
     staging: &Staging,
 ) -> Result<Result<Staged, Lost>, ArchiveError> {
-    if let Ok(staged) = fetch(store, object, staging).await {
-        return Ok(Ok(staged));
+    match fetch(store, object, staging).await {
+        Ok(staged) => return Ok(Ok(staged)),
+        Err(error) if error.damage().is_some() => sleep(APART).await,
+        Err(_) => {}
     }
     let digest = object.digest();
     let now = match catalog {
@@ -130,8 +134,8 @@ pub(super) async fn fetch_or_lose(
             None => return Err(fault.into()),
         },
     };
-    // A directory whose disk was unmounted lacks all files.
-    if kind == "missing" && !is_there(store).await? {
+    // A directory whose disk was unmounted lacks all files, and one that is being filled again has parts of them.
+    if !is_there(store).await? {
         return Err(ArchiveError::Copy(format!(
             "the store to copy from lacks the bytes {digest}, and carries neither {INSTANCE} nor {BACKUP} any more: check \
              that its disk is mounted, and start again"

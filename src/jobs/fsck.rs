@@ -1,6 +1,7 @@
 //! Check of an archive: every digest computed from its bytes, and rows and objects compared with each other.
 
 use super::archive::{Archive, ArchiveError};
+use super::blobs::APART;
 use crate::catalog::Blob;
 use crate::store::{Digest, Object, PARTS, StoreError, StoreExt};
 use futures::TryStreamExt;
@@ -8,6 +9,7 @@ use serde::Serialize;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::time::sleep;
 
 /// Report of a check of the stored files; the output of `wavelume fsck`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -144,6 +146,7 @@ impl Archive {
             let mut after = None;
             loop {
                 let rows = self.catalog.blobs_beginning(first, after, PAGE).await?;
+                let mut doubted = Vec::new();
                 for blob in &rows {
                     let there = objects.remove(&blob.object).is_some();
                     *due += check.sample.clamp(0.0, 1.0);
@@ -151,7 +154,15 @@ impl Archive {
                     if compute {
                         *due -= 1.0;
                     }
-                    self.check_blob(blob, there, compute, report).await?;
+                    if (compute || !there) && self.is_doubted(blob, report).await? {
+                        doubted.push(blob);
+                    }
+                }
+                if !doubted.is_empty() {
+                    sleep(APART).await;
+                }
+                for blob in doubted {
+                    self.check_doubted(blob, report).await?;
                 }
                 if let Some(last) = rows.last() {
                     for digest in self.catalog.orphans(first, after, last.object.digest()).await? {
@@ -195,32 +206,39 @@ impl Archive {
         Ok(())
     }
 
-    async fn check_blob(
-        &self,
-        blob: &Blob,
-        there: bool,
-        compute: bool,
-        report: &mut FsckReport,
-    ) -> Result<(), ArchiveError> {
-        let digest = blob.object.digest();
-        if there && !compute {
-            return Ok(());
-        }
+    /// Recomputes the digest of a stored file. Returns true if a fault was found, which a second look must confirm.
+    async fn is_doubted(&self, blob: &Blob, report: &mut FsckReport) -> Result<bool, ArchiveError> {
         match Arc::clone(&self.store).verify(&blob.object).await {
-            Ok(bytes) => {
+            Ok(bytes) => self.sound(blob, bytes, report).await.map(|()| false),
+            Err(error) if error.damage().is_some() => Ok(true),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Records a stored file whose digest was recomputed and is right.
+    async fn sound(&self, blob: &Blob, bytes: u64, report: &mut FsckReport) -> Result<(), ArchiveError> {
+        report.checked_blobs += 1;
+        report.checked_bytes += bytes;
+        Ok(self.catalog.checked(&blob.object, bytes).await?)
+    }
+
+    /// Recomputes the digest of a stored file in which a fault was found before, and reports a fault that is still
+    /// there.
+    async fn check_doubted(&self, blob: &Blob, report: &mut FsckReport) -> Result<(), ArchiveError> {
+        let digest = blob.object.digest();
+        let fault = match self.confirm(blob, Arc::clone(&self.store).verify(&blob.object)).await {
+            Ok(bytes) => return self.sound(blob, bytes, report).await,
+            Err(ArchiveError::Store(fault)) => fault,
+            Err(away) => return Err(away),
+        };
+        match fault {
+            StoreError::Corrupt { .. } | StoreError::Range { .. } => {
                 report.checked_blobs += 1;
-                report.checked_bytes += bytes;
-                self.catalog.checked(&blob.object, bytes).await?;
-            }
-            Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
-                report.checked_blobs += 1;
-                self.mark_damaged(&blob.object).await?;
                 report.faults.push(Fault::Corrupt { digest: digest.to_string(), tenant: self.told_tenant() });
             }
-            Err(StoreError::NotFound(_)) => {
+            StoreError::NotFound(_) => {
                 // Told only if the row still refers to this object: it may have been swept or replaced meanwhile.
                 if self.catalog.blob(digest).await?.is_some_and(|now| now.object == blob.object) {
-                    self.mark_damaged(&blob.object).await?;
                     let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
                     report.faults.push(Fault::Missing {
                         digest: digest.to_string(),
@@ -229,7 +247,7 @@ impl Archive {
                     });
                 }
             }
-            Err(other) => return Err(other.into()),
+            other => return Err(other.into()),
         }
         Ok(())
     }

@@ -46,9 +46,9 @@ pub(crate) enum IngestError {
     /// The database of measurements, materials and jobs failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
-    /// The store of uploaded and computed files belongs to another catalog now.
+    /// The store of uploaded and computed files is away, or belongs to another catalog now.
     #[error("{0}")]
-    Foreign(String),
+    Away(String),
     /// The upload would exceed a limit of the tenant.
     #[error("{0}")]
     Over(OverQuota),
@@ -120,7 +120,7 @@ impl From<BlobError> for IngestError {
         match error {
             BlobError::Store(error) => error.into(),
             BlobError::Catalog(error) => error.into(),
-            BlobError::Foreign(reason) => Self::Foreign(reason),
+            BlobError::Away(reason) => Self::Away(reason),
         }
     }
 }

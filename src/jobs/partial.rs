@@ -133,8 +133,8 @@ impl Holding {
     }
 
     /// Streams the bytes of the upload: all its parts in their order, each checked against its digest on the way.
-    pub(crate) async fn bytes(&self) -> Result<BoxStream<'static, Result<Bytes, StoreError>>, BlobError> {
-        let archive = &self.engine.archive;
+    pub(crate) async fn bytes(&self) -> Result<BoxStream<'static, Result<Bytes, BlobError>>, BlobError> {
+        let archive = self.engine.archive.clone();
         let parts = archive.catalog.parts_of(&self.partial.id).await?;
         if parts.iter().map(|(_, bytes)| bytes).sum::<u64>() != self.partial.received {
             return Err(StoreError::NotFound(parts.first().map_or(Digest::of(b""), |(part, _)| part.digest())).into());
@@ -143,6 +143,16 @@ impl Holding {
         let streams = parts
             .into_iter()
             .map(move |(part, bytes)| Ok::<_, StoreError>(Arc::clone(&store).stream(part, 0..bytes, bytes)));
-        Ok(stream::iter(streams).try_flatten().boxed())
+        let pieces = stream::iter(streams).try_flatten().then(move |piece| {
+            let archive = archive.clone();
+            async move {
+                if piece.as_ref().is_err_and(|error| error.damage().is_some()) {
+                    // A store that is away lacks all parts, and will be back with them.
+                    archive.belongs().await?;
+                }
+                Ok(piece?)
+            }
+        });
+        Ok(pieces.boxed())
     }
 }

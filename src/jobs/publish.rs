@@ -1,7 +1,7 @@
 //! Bytes written to the store under an announcement until a row of the catalog refers to them, and written again if the
 //! announcement expires first.
 
-use super::archive::{Archive, ArchiveError};
+use super::archive::Archive;
 use super::blobs::BlobError;
 use crate::catalog::{Claim, Partial};
 use crate::store::{Digest, Object, Staged, StoreError};
@@ -79,17 +79,13 @@ impl Published {
 
 async fn publish(archive: &Archive, staged: &Staged) -> Result<Claim, BlobError> {
     let (digest, bytes) = (staged.digest(), staged.bytes());
+    writable(archive).await?;
     if let Some(known) = archive.catalog.blob(digest).await?
         && !known.suspect
+        && archive.holds(&known, bytes).await?
     {
-        // A repeated upload replaces stored bytes that are missing or cut short.
-        if archive.store.size(&known.object).await? == Some(bytes) {
-            return Ok(Claim::Known(digest));
-        }
-        tracing::error!(object = %known.object, "stored bytes are missing or damaged, and are replaced");
-        archive.catalog.suspect(&known.object).await?;
+        return Ok(Claim::Known(digest));
     }
-    writable(archive).await?;
     let object = Object::fresh(archive.catalog.tenant(), digest);
     archive.catalog.intend(&object, bytes, INTENT).await?;
     write(archive, staged, &object).await?;
@@ -106,14 +102,10 @@ pub(super) async fn publish_part(archive: &Archive, staged: &Staged, upload: &Pa
     Ok(object)
 }
 
-/// Checks that there is space, and that the store still belongs to the catalog.
+/// Checks that there is space for new bytes, and that the store still belongs to the catalog.
 async fn writable(archive: &Archive) -> Result<(), BlobError> {
     archive.has_room().await?;
-    archive.belonged().await.map_err(|error| match error {
-        ArchiveError::Store(error) => BlobError::Store(error),
-        ArchiveError::Catalog(error) => BlobError::Catalog(error),
-        other => BlobError::Foreign(other.to_string()),
-    })
+    archive.belonged().await
 }
 
 /// Writes an announced object to the store, and extends the announcement meanwhile.

@@ -1,6 +1,7 @@
 //! Scrub: the digest of every stored file computed again from time to time, slowly, while the service runs.
 
 use super::archive::{Archive, ArchiveError};
+use super::blobs::APART;
 use super::config::Limits;
 use super::engine::Engine;
 use crate::catalog::Blob;
@@ -9,7 +10,7 @@ use futures::TryStreamExt;
 use futures::future::BoxFuture;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 
 /// Number of stored files that a process reserves at once to check their digests. Raising it writes to the database
@@ -153,12 +154,14 @@ impl Archive {
         if first.damage().is_none() {
             return Err(first.into());
         }
-        let fault = match Arc::clone(&self.store).verify(&blob.object).await {
+        sleep(APART).await;
+        let fault = match self.confirm(blob, Arc::clone(&self.store).verify(&blob.object)).await {
             Ok(bytes) => {
                 self.catalog.checked(&blob.object, bytes).await?;
                 return Ok(None);
             }
-            Err(fault) => fault,
+            Err(ArchiveError::Store(fault)) => fault,
+            Err(away) => return Err(away),
         };
         let Some(kind) = fault.damage() else { return Err(fault.into()) };
         let digest = blob.object.digest();
@@ -166,7 +169,6 @@ impl Archive {
         if self.catalog.blob(digest).await?.is_none_or(|now| now.object != blob.object) {
             return Ok(None);
         }
-        self.mark_damaged(&blob.object).await?;
         let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
         tracing::warn!(
             %digest,

@@ -141,6 +141,8 @@ impl Archive {
             self.belongs().await?;
             let objects: Vec<Object> = taken.iter().map(|(object, _)| object.clone()).collect();
             let outcomes = self.store.remove(&objects).await;
+            // A store that went away meanwhile lacks them and will be back with them: they are due again later.
+            self.belongs().await?;
             let (mut gone, mut failure) = (Vec::new(), None);
             for ((object, bytes), outcome) in taken.iter().zip(outcomes) {
                 match outcome {
@@ -166,8 +168,57 @@ impl Archive {
 mod tests {
     use super::*;
     use crate::catalog::testing;
+    use crate::jobs::archive::INSTANCE;
     use crate::jobs::publish::tests::stored;
     use crate::jobs::site::tests::sites;
+    use crate::store::{Staged, Store};
+    use crate::trust::Tenant;
+    use bytes::Bytes;
+    use futures::future::BoxFuture;
+    use futures::stream::BoxStream;
+    use std::ops::Range;
+    use std::sync::Arc;
+
+    /// A store for tests that goes away as soon as it is asked to remove objects, and lacks everything from then on.
+    #[derive(Debug)]
+    struct Leaving(Arc<dyn Store>);
+
+    impl Store for Leaving {
+        fn publish<'a>(&'a self, staged: &'a Staged, object: &'a Object) -> BoxFuture<'a, Result<(), StoreError>> {
+            self.0.publish(staged, object)
+        }
+
+        fn size<'a>(&'a self, object: &'a Object) -> BoxFuture<'a, Result<Option<u64>, StoreError>> {
+            self.0.size(object)
+        }
+
+        fn read<'a>(&'a self, object: &'a Object, range: Range<u64>) -> BoxFuture<'a, Result<Bytes, StoreError>> {
+            self.0.read(object, range)
+        }
+
+        fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>> {
+            self.0.list(folder)
+        }
+
+        fn tenants(&self) -> BoxFuture<'_, Result<Vec<Tenant>, StoreError>> {
+            self.0.tenants()
+        }
+
+        fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>> {
+            Box::pin(async move {
+                self.0.set_note(INSTANCE, String::new()).await.unwrap();
+                objects.iter().map(|_| Ok(())).collect()
+            })
+        }
+
+        fn note<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Option<String>, StoreError>> {
+            self.0.note(name)
+        }
+
+        fn set_note<'a>(&'a self, name: &'a str, text: String) -> BoxFuture<'a, Result<(), StoreError>> {
+            self.0.set_note(name, text)
+        }
+    }
 
     #[tokio::test]
     async fn bytes_that_no_row_names_go_after_their_grace() {
@@ -207,6 +258,19 @@ mod tests {
             archive.catalog.delete_measurement(deleted).await.unwrap();
             let short = Limits { grace: Duration::ZERO, ..Limits::default() };
             assert_eq!(archive.sweep_with(&short, false).await.unwrap().removed_blobs, 1);
+        }
+    }
+
+    #[tokio::test]
+    async fn what_a_store_lacks_while_it_is_away_is_deleted_when_it_is_back() {
+        for (site, _guard) in sites().await {
+            let mut archive = Archive::serve(&site).await.unwrap();
+            let deleted = stored(&archive, b"deleted").await;
+            archive.catalog.delete_measurement(deleted).await.unwrap();
+            archive.store = Arc::new(Leaving(Arc::clone(&archive.store)));
+            archive.sweep_now().await.unwrap_err();
+            let left = archive.catalog.blob_counts().await.unwrap().doomed;
+            assert_eq!(left, 1, "it may be back with the store");
         }
     }
 

@@ -94,7 +94,9 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
         match engine.claim().await {
             Ok(Some(job)) => {
                 pause = Duration::ZERO;
-                attempt(&engine, &job, &stop).await;
+                if attempt(&engine, &job, &stop).await == Store::Away {
+                    until_back(&engine, &stop).await;
+                }
             }
             Ok(None) => pause = LOOK,
             Err(error) => {
@@ -125,8 +127,32 @@ async fn reserving(engine: Arc<Engine>, stop: CancellationToken) {
     }
 }
 
-/// Runs one attempt at a job, from its claim until its end is recorded.
-async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) {
+/// State of the store after an attempt at a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Store {
+    /// Nothing in the attempt speaks against the store.
+    Here,
+    /// The attempt failed, and afterwards the store did not answer or did not belong to this catalog.
+    Away,
+}
+
+/// Waits until the store answers and belongs to this catalog, or until `stop`, so that a worker that does not reach the
+/// store leaves the queue alone.
+async fn until_back(engine: &Engine, stop: &CancellationToken) {
+    let start = Instant::now();
+    while engine.archive.answers().await.is_err() {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return,
+            () = sleep(LOOK) => {}
+        }
+    }
+    tracing::info!(waited_ms = start.elapsed().as_millis() as u64, "the store is back; this worker takes jobs again");
+}
+
+/// Runs one attempt at a job, from its claim until its end is recorded. An attempt that failed without the store does
+/// not count.
+async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) -> Store {
     let start = Instant::now();
     let engine = &engine.of(&job.tenant);
     let control = engine.hub.enter(&job.id);
@@ -141,14 +167,28 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             }
         }
     });
-    let mut published = None;
+    let (mut published, mut store) = (None, Store::Here);
     let ended = match guard(engine, job, &control, running, stop).await {
         Ok(Ok(made)) => {
             published = Some(made.published);
             made.ended
         }
         Ok(Err(Failure::Final(problem))) => Ended::Failed(problem.to_json()),
-        Ok(Err(Failure::Passing(detail))) => again(engine, job, detail),
+        Ok(Err(failure @ (Failure::Passing(_) | Failure::Damaged))) => match engine.archive.answers().await {
+            Err(reason) => {
+                store = Store::Away;
+                tracing::warn!(
+                    job = job.id,
+                    reason,
+                    "the store is away: the job waits, and this worker takes no other"
+                );
+                Ended::Released
+            }
+            Ok(()) => match failure {
+                Failure::Passing(detail) => again(engine, job, Code::Unavailable, detail),
+                _ => again(engine, job, Code::Corrupt, DAMAGED),
+            },
+        },
         Ok(Err(Failure::Newer(detail))) => {
             engine.leave_to_newer(&job.id);
             metrics::counter!("wavelume_jobs_left_to_newer_total").increment(1);
@@ -162,7 +202,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             engine.hub.leave(&job.id);
             metrics::counter!("wavelume_jobs_lost_total").increment(1);
             tracing::warn!(job = job.id, "a running job was given up, because it is another worker's now");
-            return;
+            return store;
         }
     };
     let (ended, state) = end(engine, job, ended, published, stop).await;
@@ -191,13 +231,17 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not recorded in the catalog");
         }
     }
+    store
 }
+
+/// Detail of the problem of a job whose stored bytes were missing or damaged in an attempt while the store answered.
+const DAMAGED: &str = "the stored bytes of the measurement are missing or damaged; upload the file again";
 
 /// Builds the outcome of an attempt that failed for a transient reason. The delay before the next attempt doubles with
 /// each attempt.
-fn again(engine: &Engine, job: &Claimed, detail: String) -> Ended {
+fn again(engine: &Engine, job: &Claimed, code: Code, detail: impl Into<String>) -> Ended {
     Ended::Retry {
-        problem: JobProblem::new(Code::Unavailable, detail).to_json(),
+        problem: JobProblem::new(code, detail).to_json(),
         delay: engine.limits.backoff.saturating_mul(1 << job.attempts.saturating_sub(1).min(10)),
         attempts: engine.limits.attempts,
     }
@@ -293,7 +337,7 @@ async fn end(
                     },
                     None => "the result of the job was not stored".to_owned(),
                 };
-                ended = again(engine, job, detail);
+                ended = again(engine, job, Code::Unavailable, detail);
             }
             Ok(Ending::Over(over)) => {
                 ended = Ended::Failed(JobProblem::new(Code::QuotaExceeded, over.to_string()).to_json());

@@ -9,7 +9,7 @@ use crate::api::schemas::UploadIdText;
 use crate::api::state::App;
 use crate::api::upload::{self, Lost};
 use crate::catalog::Held;
-use crate::jobs::{Client, Holding};
+use crate::jobs::{BlobError, Client, Holding};
 use crate::store::Staged;
 use axum::extract::Request;
 use futures::StreamExt;
@@ -67,7 +67,8 @@ async fn staged(app: &App, client: Client, holding: &Holding, request: Request) 
     let parts = parts.map(|piece| {
         piece.map_err(|error| {
             tracing::error!(%error, "a part of an upload cannot be read from the store");
-            std::io::Error::other(Lost)
+            let is_damaged = matches!(&error, BlobError::Store(error) if error.damage().is_some());
+            std::io::Error::other(Lost(if is_damaged { Kind::Corrupt } else { Kind::Unavailable }))
         })
     });
     upload::receive_stream(app, client, request.headers(), Box::pin(parts)).await

@@ -3,6 +3,7 @@
 use crate::service::{D65, Service, config, damage, npy, objects, problem, problem_of};
 use reqwest::{Method, StatusCode};
 use serde_json::json;
+use std::time::Duration;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn content_has_conditions_and_ranges() {
@@ -57,11 +58,15 @@ async fn large_content_is_streamed_whole_and_in_part() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_damaged_blob_is_a_problem_until_it_is_uploaded_again() {
     let data = tempfile::tempdir().unwrap();
-    let service = Service::start(config(data.path())).await;
+    let mut config = config(data.path());
+    // The job fails once all attempts agree.
+    (config.work.limits.attempts, config.work.limits.backoff) = (2, Duration::from_millis(100));
+    let service = Service::start(config).await;
     let id = service.upload("", D65).await["id"].as_str().unwrap().to_owned();
     damage(&objects(data.path(), &id).await[0], Some(b"bit rot")).await;
     problem(service.get(&format!("/v1/blobs/{id}")), 500, "corrupt").await;
     let job = service.compress(&json!({ "measurement": id, "target": { "er_l2": 0.01 } })).await;
+    assert_eq!((&job["state"], &job["attempts"]), (&json!("dead"), &json!(2)), "{job}");
     assert_eq!(job["problem"]["type"], "urn:wavelume:problem:corrupt", "{job}");
     service.upload("", D65).await;
     assert_eq!(service.get(&format!("/v1/blobs/{id}")).send().await.unwrap().bytes().await.unwrap(), D65);

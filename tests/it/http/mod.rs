@@ -1,6 +1,7 @@
 //! Every call of the HTTP contract against a real server, and every refusal by its problem.
 
 mod access;
+mod away;
 mod content;
 mod copies;
 mod crowd;

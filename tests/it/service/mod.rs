@@ -122,6 +122,21 @@ pub(crate) async fn damage(place: &str, bytes: Option<&'static [u8]>) {
     }
 }
 
+/// Removes a stored object of a bucket, and returns its bytes.
+pub(crate) async fn take(place: &str) -> Vec<u8> {
+    let (bucket, key) = place.strip_prefix(S3).and_then(|place| place.split_once('/')).unwrap();
+    let (store, key) = (client(bucket), Key::from(key));
+    let bytes = store.get(&key).await.unwrap().bytes().await.unwrap();
+    store.delete(&key).await.unwrap();
+    bytes.to_vec()
+}
+
+/// Writes a stored object of a bucket that was removed before.
+pub(crate) async fn put_back(place: &str, bytes: Vec<u8>) {
+    let (bucket, key) = place.strip_prefix(S3).and_then(|place| place.split_once('/')).unwrap();
+    client(bucket).put(&Key::from(key), bytes.into()).await.unwrap();
+}
+
 impl Service {
     pub(crate) async fn start(config: ServeConfig) -> Self {
         Self::start_for(config, Client::builder().no_proxy()).await
