@@ -105,7 +105,7 @@ pub(super) async fn publish_part(archive: &Archive, staged: &Staged, upload: &Pa
 /// Checks that there is space for new bytes, and that the store still belongs to the catalog.
 async fn writable(archive: &Archive) -> Result<(), BlobError> {
     archive.has_room().await?;
-    archive.belonged().await
+    Ok(archive.belonged().await?)
 }
 
 /// Writes an announced object to the store, and extends the announcement meanwhile.

@@ -5,8 +5,8 @@ stdin.
     proxies.py postgres URL SEED
 
 Each prints the port that it listens on. `share P` lets this share of calls to S3 fail, or of commits lose its
-connection. `out refused` and `out silent` let all calls to S3 fail, `in` none. `counts` prints what has happened so far
-as JSON.
+connection. `out KIND` lets all calls to S3 fail: `refused`, `silent`, `absent` (404), `denied` (403) or `slow`. `in`
+lets none. `counts` prints what has happened so far as JSON.
 """
 
 import asyncio
@@ -23,9 +23,11 @@ import urllib.parse
 # Failures of a call to S3. Of `cut` and `late reset` the server has done what it was asked for.
 KINDS = ("503", "500", "early reset", "late reset", "cut", "delay")
 # Failures of calls during an outage.
-OUT = {"refused": ("503", "early reset"), "silent": ("silence",)}
-# Seconds by which a call is delayed, and after which a silent one is closed.
-DELAY, SILENCE = 1.0, 300
+OUT = {"refused": ("503", "early reset"), "silent": ("silence",), "absent": ("404",), "denied": ("403",), "slow": ("late",)}
+# Errors by which S3 itself, or a gateway before it, answers.
+ERRORS = {"503": "SlowDown", "500": "InternalError", "404": "NoSuchBucket", "403": "AccessDenied"}
+# Seconds by which a call is delayed, in a share of them and in an outage, and after which a silent one is closed.
+DELAY, LATE, SILENCE = 1.0, 5.0, 300
 # Ends of a connection to PostgreSQL: before the commit reaches the server, while it works, and after its answer was
 # lost.
 CUTS = ("before", "during", "after")
@@ -103,18 +105,18 @@ class S3(Faulty):
             kind = self.chance.choice(kinds)
             if kind:
                 self.counts[kind] += 1
-            if kind in ("503", "500"):
-                word = {"503": "SlowDown", "500": "InternalError"}[kind]
+            if word := ERRORS.get(kind):
                 text = f'<?xml version="1.0"?><Error><Code>{word}</Code><Message>a failure of the test</Message></Error>'
-                writer.write(f"HTTP/1.1 {kind} {word}\r\ncontent-length: {len(text)}\r\n\r\n{text}".encode())
+                shown = "" if head.startswith(b"HEAD ") else text
+                writer.write(f"HTTP/1.1 {kind} {word}\r\ncontent-length: {len(text)}\r\n\r\n{shown}".encode())
                 await writer.drain()
                 continue
             if kind == "early reset":
                 return reset(writer)
             if kind == "silence":
                 return await asyncio.sleep(SILENCE)
-            if kind == "delay":
-                await asyncio.sleep(DELAY)
+            if kind in ("delay", "late"):
+                await asyncio.sleep(DELAY if kind == "delay" else LATE)
             answer, content = await self.ask(head, body)
             if kind == "late reset":
                 return reset(writer)
