@@ -29,6 +29,10 @@ use tokio_util::task::{AbortOnDropHandle, TaskTracker};
 /// shortens the log of an overload.
 const COMPLAINT: Duration = Duration::from_secs(10);
 
+/// Time after the drain time for which the service waits until the bytes of resumable uploads that have come are stored.
+/// Raising it loses fewer of them with a slow store, and delays the end of the service where the store stays away.
+const STORING: Duration = Duration::from_secs(30);
+
 /// Configuration of a service; [`ServeConfig::new`] has defaults for everything but data directory and address.
 #[derive(Clone, Debug)]
 pub struct ServeConfig {
@@ -198,7 +202,7 @@ impl Server {
         let handshake = certificate.clone().map(Handshake::new).transpose();
         let handshake = handshake.map_err(|error| ServeError::Certificate(error.to_string()))?;
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
-        let limits = &engine.limits;
+        let (limits, writing) = (&engine.limits, TaskTracker::new());
         let shared = Shared {
             held: Held::new(limits),
             rates: Rates::new(),
@@ -208,6 +212,7 @@ impl Server {
             guard: Arc::clone(&guard),
             stopping: stopping.clone(),
             stop: stop.clone(),
+            writing: writing.clone(),
             durations: Durations::default(),
             metrics: recorder(),
             openapi: openapi_json,
@@ -251,6 +256,10 @@ impl Server {
             tracing::warn!("connections were cut after the drain time");
             cut.cancel();
             connections.wait().await;
+        }
+        writing.close();
+        if tokio::time::timeout(STORING, writing.wait()).await.is_err() {
+            tracing::warn!("bytes of resumable uploads were not stored in time: their clients send them again");
         }
         if let Err(error) = working.await {
             tracing::error!(%error, "the task that runs the workers failed");

@@ -19,6 +19,7 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use std::ops::Deref;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
 
 /// State of the HTTP router. A handler extracts [`App`] instead, and so cannot reach the data of a tenant other than
 /// its caller's.
@@ -52,6 +53,8 @@ pub(crate) struct Shared {
     pub(crate) stopping: CancellationToken,
     /// Token that is cancelled when the listener is closed: event streams and waiting requests end.
     pub(crate) stop: CancellationToken,
+    /// Tracker of the tasks that add bytes to resumable uploads; the service does not end before them.
+    pub(crate) writing: TaskTracker,
     /// Histograms of the durations of requests.
     pub(crate) durations: Durations,
     /// Recorder of metrics; `None` if another one was installed in this process.

@@ -105,6 +105,7 @@ impl Desk {
         let access = Access::new(([127, 0, 0, 1], 0).into(), false, &[], &[]).unwrap();
         let stop = CancellationToken::new();
         let shared = Shared {
+            writing: tokio_util::task::TaskTracker::new(),
             held: Held::new(&engine.limits),
             rates: Rates::new(),
             contents: Contents::new(engine.limits.content_bytes),

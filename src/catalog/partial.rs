@@ -232,14 +232,15 @@ impl Catalog {
         .await
     }
 
-    /// Extends the reservation of an upload, which does not expire while its first bytes arrive. Returns false if the
-    /// request `holder` does not hold it any more.
+    /// Extends the reservation of an upload, which does not expire while its first bytes arrive. Returns false if
+    /// another request holds it. A reservation that ran out and that nobody has taken is taken again, so that a database
+    /// that stood still for longer than the lease does not end a long request.
     pub(crate) async fn keep_partial(&self, id: &str, holder: &str, lease: Duration) -> Result<bool, CatalogError> {
         let _turn = self.turn().await;
         let kept = sqlx::query(self.sql(
             "UPDATE uploads SET lease_until = {now} + $3, \
                  expires_at = CASE WHEN received = 0 AND expires_at < {now} + $3 THEN {now} + $3 ELSE expires_at END \
-                 WHERE id = $1 AND lease = $2 AND lease_until > {now}",
+                 WHERE id = $1 AND lease = $2",
         ))
         .bind(id.to_owned())
         .bind(holder.to_owned())
@@ -263,9 +264,9 @@ impl Catalog {
         .await
     }
 
-    /// Adds a part, which was announced and stored before, to an upload, and ends the reservation by the request
-    /// `holder`. `before` is the upload as that request found it. Returns `None` if the upload or the part has changed
-    /// since: the part is then removed when its announcement expires.
+    /// Adds a part, which was announced and stored before, to an upload. `before` is the upload as the request `holder`
+    /// found or left it; if `is_last`, the reservation by that request ends. Returns `None` if the upload or the part
+    /// has changed since: the part is then removed when its announcement expires.
     pub(crate) async fn add_part(
         &self,
         before: &Partial,
@@ -273,6 +274,7 @@ impl Catalog {
         (part, bytes): (&Object, u64),
         length: Option<u64>,
         keep: Duration,
+        is_last: bool,
     ) -> Result<Option<Partial>, CatalogError> {
         self.repeat(|again| async move {
             let received = before.received.saturating_add(bytes);
@@ -282,8 +284,9 @@ impl Catalog {
                 _ => before.expires_ms,
             };
             let counted = sqlx::query(
-                "UPDATE uploads SET received = $3, parts = $4, length = COALESCE(length, $5), lease = NULL, \
-                 lease_until = 0, expires_at = $9 \
+                "UPDATE uploads SET received = $3, parts = $4, length = COALESCE(length, $5), expires_at = $9, \
+                 lease = CASE WHEN $10 = 1 THEN NULL ELSE lease END, \
+                 lease_until = CASE WHEN $10 = 1 THEN 0 ELSE lease_until END \
                  WHERE id = $1 AND lease = $2 AND received = $6 AND parts = $7 AND expires_at > $8",
             )
             .bind(before.id.clone())
@@ -295,6 +298,7 @@ impl Catalog {
             .bind(i64::from(before.parts))
             .bind(write.now)
             .bind(expires_ms)
+            .bind(i64::from(is_last))
             .execute(&mut *write.transaction)
             .await?;
             if counted.rows_affected() == 1 {
@@ -311,7 +315,8 @@ impl Catalog {
                     write.commit().await?;
                     let length = before.length.or(length);
                     let parts = before.parts + 1;
-                    return Ok(Some(Partial { length, received, parts, expires_ms, is_held: false, ..before.clone() }));
+                    let is_held = !is_last;
+                    return Ok(Some(Partial { length, received, parts, expires_ms, is_held, ..before.clone() }));
                 }
                 return Ok(None);
             }

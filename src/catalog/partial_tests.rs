@@ -42,11 +42,11 @@ async fn a_part_is_added_once_and_by_the_request_that_holds_the_upload() {
         assert!(held.is_held && held.received == 0 && held.metadata == begun.metadata);
         assert_eq!(catalog.hold_partial("0a", "second", LEASE, Some(0)).await.unwrap(), Held::Busy);
         let part = announced(&catalog, &held, b"four").await;
-        assert!(catalog.add_part(&held, "second", (&part, 4), None, LIMITS.keep).await.unwrap().is_none());
-        let added = catalog.add_part(&held, "first", (&part, 4), None, LIMITS.keep).await.unwrap().unwrap();
+        assert!(catalog.add_part(&held, "second", (&part, 4), None, LIMITS.keep, true).await.unwrap().is_none());
+        let added = catalog.add_part(&held, "first", (&part, 4), None, LIMITS.keep, true).await.unwrap().unwrap();
         assert_eq!((added.received, added.parts, added.is_held), (4, 1, false));
         let late = announced(&catalog, &held, b"late").await;
-        assert!(catalog.add_part(&held, "first", (&late, 4), None, LIMITS.keep).await.unwrap().is_none());
+        assert!(catalog.add_part(&held, "first", (&late, 4), None, LIMITS.keep, true).await.unwrap().is_none());
         assert_eq!(catalog.parts_of("0a").await.unwrap(), [(part.clone(), 4)]);
         let found = catalog.hold_partial("0a", "first", LEASE, Some(0)).await.unwrap();
         assert!(matches!(found, Held::Elsewhere(partial) if partial.received == 4));
@@ -56,8 +56,8 @@ async fn a_part_is_added_once_and_by_the_request_that_holds_the_upload() {
         assert!(!catalog.keep_partial("0a", "slow", LEASE).await.unwrap());
         assert!(catalog.keep_partial("0a", "next", LEASE).await.unwrap());
         let second = announced(&catalog, &held, b"fives").await;
-        assert!(catalog.add_part(&old, "slow", (&second, 5), None, LIMITS.keep).await.unwrap().is_none());
-        catalog.add_part(&held, "next", (&second, 5), None, LIMITS.keep).await.unwrap().unwrap();
+        assert!(catalog.add_part(&old, "slow", (&second, 5), None, LIMITS.keep, true).await.unwrap().is_none());
+        catalog.add_part(&held, "next", (&second, 5), None, LIMITS.keep, true).await.unwrap().unwrap();
         assert!(catalog.knows(&part).await.unwrap(), "a check of the store does not call it an orphan");
 
         assert!(catalog.end_partial("0a", Duration::ZERO).await.unwrap());
@@ -69,6 +69,27 @@ async fn a_part_is_added_once_and_by_the_request_that_holds_the_upload() {
         // The late part goes when its announcement expires.
         testing::expire_intents(&catalog).await;
         assert_eq!(catalog.doom_expired(9, Duration::ZERO).await.unwrap(), 1);
+    }
+}
+
+#[tokio::test]
+async fn a_request_keeps_its_reservation_between_its_parts_and_takes_a_free_one_again() {
+    for (catalog, _guard) in testing::catalogs().await {
+        begun(&catalog, "0a", 9).await;
+        let Held::Now(held) = catalog.hold_partial("0a", "long", LEASE, Some(0)).await.unwrap() else { panic!() };
+        let part = announced(&catalog, &held, b"four").await;
+        let after = catalog.add_part(&held, "long", (&part, 4), None, LIMITS.keep, false).await.unwrap().unwrap();
+        assert_eq!((after.received, after.parts, after.is_held), (4, 1, true));
+        assert_eq!(catalog.hold_partial("0a", "other", LEASE, Some(4)).await.unwrap(), Held::Busy);
+        // The database stood still for longer than the lease.
+        let stall = "UPDATE uploads SET lease_until = 1 WHERE id = '0a'";
+        sqlx::query(stall).execute(&catalog.pool).await.unwrap();
+        assert!(catalog.keep_partial("0a", "long", LEASE).await.unwrap());
+        assert_eq!(catalog.hold_partial("0a", "other", LEASE, Some(4)).await.unwrap(), Held::Busy);
+        let second = announced(&catalog, &after, b"fives").await;
+        let whole = catalog.add_part(&after, "long", (&second, 5), None, LIMITS.keep, true).await.unwrap().unwrap();
+        assert_eq!((whole.received, whole.parts, whole.is_held), (9, 2, false));
+        assert_eq!(catalog.parts_of("0a").await.unwrap(), [(part, 4), (second, 5)]);
     }
 }
 
@@ -86,12 +107,12 @@ async fn an_upload_is_kept_from_its_first_byte_on() {
         let kept = catalog.partial("0a").await.unwrap().unwrap().expires_ms;
         assert!(kept > begun.expires_ms && kept < begun.expires_ms + DAY / 2);
         let part = announced(&catalog, &held, b"four").await;
-        let added = catalog.add_part(&held, "x", (&part, 4), None, limits.keep).await.unwrap().unwrap();
+        let added = catalog.add_part(&held, "x", (&part, 4), None, limits.keep, true).await.unwrap().unwrap();
         assert!(added.expires_ms > begun.expires_ms + DAY / 2);
         // A later part changes nothing about it.
         let Held::Now(held) = catalog.hold_partial("0a", "y", LEASE, Some(4)).await.unwrap() else { panic!() };
         let second = announced(&catalog, &held, b"fives").await;
-        let last = catalog.add_part(&held, "y", (&second, 5), None, limits.keep).await.unwrap().unwrap();
+        let last = catalog.add_part(&held, "y", (&second, 5), None, limits.keep, true).await.unwrap().unwrap();
         assert_eq!((held.expires_ms, last.expires_ms), (added.expires_ms, added.expires_ms));
     }
 }

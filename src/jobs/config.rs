@@ -236,12 +236,12 @@ limits! {
         partial_bytes: u64 = 64 << 30, Bytes >= 0;
         /// Upper bound on the bytes in the store for the resumable uploads of one address that are not used yet.
         partial_bytes_each: u64 = 8 << 30, Bytes >= 0;
-        /// Upper bound on the parts (requests with bytes) of one resumable upload.
+        /// Upper bound on the parts of one resumable upload: each request with bytes has one, or one for each 16 MiB.
         partial_parts: u32 = 10_000, Count >= 1;
         /// Time after its first byte at which a resumable upload expires; one without a byte expires after 15 minutes.
         partial_keep: Duration = Duration::from_hours(24), Time >= 1000;
         /// Time after which a resumable upload whose request vanished with its process may be continued.
-        partial_lease: Duration = Duration::from_secs(15), Time >= 1000;
+        partial_lease: Duration = Duration::from_secs(5), Time >= 1000;
         /// Upper bound on the memory for checking uploaded materials at once, over all addresses: 24 bytes for each
         /// sample of a material, and the bytes of its measurement.
         checking_bytes: usize = 2 << 30, Bytes >= 1024;

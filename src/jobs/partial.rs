@@ -29,7 +29,7 @@ const GRACE: Duration = Duration::from_hours(1);
 pub(crate) struct Holding {
     engine: Arc<Engine>,
     holder: String,
-    /// State of the upload at the time when this request reserved it.
+    /// State of the upload when this request reserved it, or after the last part that this request has added.
     pub(crate) partial: Partial,
     _keeping: AbortOnDropHandle<()>,
 }
@@ -114,13 +114,16 @@ async fn keep(engine: Arc<Engine>, id: String, holder: String) {
 }
 
 impl Holding {
-    /// Stores a part and adds it to the upload, which ends the reservation. Returns the upload afterwards, or `None` if
-    /// this request does not hold it any more.
-    pub(crate) async fn add(&self, staged: &Staged, length: Option<u64>) -> Result<Option<Partial>, BlobError> {
+    /// Stores a part and adds it to the upload. `length` is the size of the whole upload, if the request states it. The
+    /// last part of the request (`is_last`) ends the reservation. Returns false if another request holds the upload.
+    pub(crate) async fn add(&mut self, staged: &Staged, length: Option<u64>, is_last: bool) -> Result<bool, BlobError> {
         let archive = &self.engine.archive;
         let part = publish_part(archive, staged, &self.partial).await?;
         let (part, keep) = ((&part, staged.bytes()), self.engine.limits.partial_keep);
-        Ok(archive.catalog.add_part(&self.partial, &self.holder, part, length, keep).await?)
+        let added = archive.catalog.add_part(&self.partial, &self.holder, part, length, keep, is_last).await?;
+        let is_added = added.is_some();
+        self.partial = added.unwrap_or_else(|| self.partial.clone());
+        Ok(is_added)
     }
 
     /// Ends the reservation of the upload, so that the next request need not wait until it expires.

@@ -2,13 +2,16 @@
 """Resumable uploads by clients that this project has not written, broken at random offsets and continued through
 another node.
 
-Usage: tests/servers tests/acceptance/tus.py BINARY [--uploads N] [--node MODULES]
+Usage: tests/servers tests/acceptance/tus.py BINARY [--uploads N] [--node MODULES] [--rolling MIB]
 
 Two nodes share the PostgreSQL and the S3 store that tests/servers has started. A proxy in front of them cuts each
 upload a few times, at a random number of bytes or by killing the client, and hands the next connection to the other
 node. N uploads (default: 20) come from tuspy; with --node, a directory with the node_modules of tus-js-client, every
 second one comes from that client. Each becomes a measurement whose bytes are read back and compared. WAVELUME_SEED
 repeats a run.
+
+With --rolling nothing is cut: N uploads of MIB MiB each run at once while the nodes are stopped with SIGTERM and
+started again, one after the other. No client may send more than 16 MiB twice for a stop that it has met.
 """
 import argparse
 import hashlib
@@ -30,8 +33,12 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 SIZES = 20_000, 6_000_000
 # Breaks of one upload, at most.
 BREAKS = 4
-# Seconds in which one upload must be complete.
-PATIENCE = 120
+# Seconds in which one upload must be complete; with --rolling all that run at once.
+PATIENCE, ROLLING = 120, 900
+# Bytes that a client may send twice for each stop that it meets.
+TWICE = 16 << 20
+# Bytes a second of one upload with --rolling: slow enough that every upload meets a stop.
+RATE = 2 << 20
 
 
 def check(claim, found):
@@ -52,23 +59,29 @@ def array(path, size, chance):
 
 
 class Node:
-    """`wavelume serve` without workers, on a free port."""
+    """`wavelume serve` without workers, on a free port that it keeps when it is started again."""
 
     def __init__(self, binary, directory, number):
         self.log = os.path.join(directory, f"node-{number}.log")
-        with open(self.log, "w") as log:
-            self.process = subprocess.Popen(
-                [binary, "serve", *places(directory, number), "--workers", "0", "--listen", "127.0.0.1:0"],
-                stdout=subprocess.PIPE, stderr=log, text=True,
-            )
+        self.command = [binary, "serve", *places(directory, number), "--workers", "0", "--uploads-each", "32"]
+        self.port, self.is_up = 0, True
+        self.start()
+
+    def start(self):
+        with open(self.log, "a") as log:
+            self.process = subprocess.Popen([*self.command, "--listen", f"127.0.0.1:{self.port}"],
+                                            stdout=subprocess.PIPE, stderr=log, text=True)
         line = self.process.stdout.readline()
         check(line.startswith("listening on "), f"serve did not say where it listens: {open(self.log).read()}")
         self.url = line.split()[2].rstrip(",")
         self.port = int(self.url.rsplit(":", 1)[1])
+        self.is_up = True
 
     def stop(self):
+        self.is_up = False
         self.process.terminate()
-        self.process.wait(30)
+        code = self.process.wait(60)
+        check(code == 0, f"a node ended with {code}: {open(self.log).read()[-2000:]}")
 
 
 def places(directory, number):
@@ -134,10 +147,114 @@ class Proxy:
             self.turn += 1
 
 
-def with_tuspy(proxy, path, chunk):
+class Meter:
+    """Passes the connections of one client to nodes that are not being stopped, at a bounded rate, and counts the bytes
+    that the client sends and the stops that it meets."""
+
+    def __init__(self, nodes):
+        self.nodes, self.turn, self.sent, self.stops, self.open = nodes, 0, 0, 0, []
+        self.lock = threading.Lock()
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        # The rate is that of the client, too.
+        self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 256 << 10)
+        self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            client, _ = self.listener.accept()
+            self.turn += 1
+            up = [node for node in self.nodes if node.is_up] or self.nodes
+            node = up[self.turn % len(up)]
+            try:
+                server = socket.create_connection(("127.0.0.1", node.port))
+            except OSError:
+                client.close()
+                continue
+            with self.lock:
+                self.open.append((node, client))
+            threading.Thread(target=self.pass_on, args=(client, server, node), daemon=True).start()
+            threading.Thread(target=self.answer, args=(server, client), daemon=True).start()
+
+    def pass_on(self, client, server, node):
+        try:
+            while piece := client.recv(65536):
+                self.sent += len(piece)
+                server.sendall(piece)
+                time.sleep(len(piece) / RATE)
+        except OSError:
+            pass
+        with self.lock:
+            self.open.remove((node, client))
+        for end in (client, server):
+            end.close()
+
+    def answer(self, server, client):
+        try:
+            while piece := server.recv(65536):
+                client.sendall(piece)
+        except OSError:
+            pass
+        # The client, which may be sending, is told that nobody listens any more.
+        for end in (client, server):
+            try:
+                end.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+
+    def stopping(self, node):
+        """Counts the stop of a node to which the client has a connection."""
+        with self.lock:
+            self.stops += any(other is node for other, _ in self.open)
+
+
+def rolling(nodes, directory, args, chance):
+    """Runs uploads at once while the nodes are stopped and started again in turn. Returns a line about it."""
+    meters, threads, addresses = [Meter(nodes) for _ in range(args.uploads)], [], {}
+    paths = [os.path.join(directory, f"array-{number}.npy") for number in range(args.uploads)]
+    size = args.rolling << 20
+
+    def upload(number):
+        array(paths[number], size, random.Random(args.seed + number))
+        chunk = [os.path.getsize(paths[number]) + 1, size // 3][number // 2 % 2]
+        if args.node and number % 2:
+            addresses[number] = with_tus_js(meters[number], paths[number], chunk, args.node, None, ROLLING)
+        else:
+            addresses[number] = with_tuspy(meters[number], paths[number], chunk, ROLLING)
+
+    for number in range(args.uploads):
+        threads.append(threading.Thread(target=upload, args=(number,)))
+        threads[-1].start()
+    while not any(meter.sent > RATE for meter in meters):
+        time.sleep(0.2)
+    stops = 0
+    while any(thread.is_alive() for thread in threads):
+        node = nodes[stops % len(nodes)]
+        for meter in meters:
+            meter.stopping(node)
+        node.stop()
+        node.start()
+        stops += 1
+        time.sleep(chance.uniform(1, 3))
+    check(len(addresses) == args.uploads, f"only {len(addresses)} uploads have ended")
+    met = [meter for meter in meters if meter.stops]
+    check(met, "no upload has met a stop")
+    # What is not of the file: heads of requests.
+    twice = [max(0, meter.sent - size - (64 << 10)) / max(1, meter.stops) for meter in meters]
+    for meter, bytes_twice in zip(meters, twice):
+        most = TWICE if meter.stops else 0
+        check(bytes_twice <= most, f"{bytes_twice:.0f} bytes were sent twice a stop, seed {args.seed}")
+    for number, path in enumerate(paths):
+        used(nodes[number % 2], addresses[number], path, args)
+    met_stops = sum(meter.stops for meter in met)
+    return (f"{args.uploads} uploads of {args.rolling} MiB, {stops} stops, {met_stops} times met by {len(met)} uploads, "
+            f"after each {max(twice) / (1 << 20):.1f} MiB at most sent twice")
+
+
+def with_tuspy(proxy, path, chunk, patience=PATIENCE):
     """Uploads a file; after each break another client, which knows the address of the upload only, goes on."""
     from tusclient import client
-    address, deadline = None, time.monotonic() + PATIENCE
+    address, deadline = None, time.monotonic() + patience
     while True:
         check(time.monotonic() < deadline, f"tuspy did not end the upload {address}")
         try:
@@ -150,14 +267,15 @@ def with_tuspy(proxy, path, chunk):
             return address
         except Exception as error:  # Each break looks different: a reset, an answer without a body, a status.
             status = getattr(error, "status_code", None)
-            check(status in (None, 409, 423), f"tuspy: {status} {error!r}")
+            # A node that stops answers 503.
+            check(status in (None, 409, 423) or (status == 503 and patience == ROLLING), f"tuspy: {status} {error!r}")
             time.sleep(0.05)
 
 
-def with_tus_js(proxy, path, chunk, modules, kill):
+def with_tus_js(proxy, path, chunk, modules, kill, patience=PATIENCE):
     """Uploads a file with tus-js-client, which repeats by itself; it is killed after `kill` seconds and started
     again."""
-    notes, deadline = path + ".notes", time.monotonic() + PATIENCE
+    notes, deadline = path + ".notes", time.monotonic() + patience
     environment = {**os.environ, "NODE_PATH": os.path.join(modules, "node_modules")}
     while True:
         check(time.monotonic() < deadline, "tus-js-client did not end the upload")
@@ -190,6 +308,11 @@ def uploaded(proxy, node, path, args, number, chance):
     else:
         address = with_tuspy(proxy, path, chunk)
     proxy.plan([])
+    used(node, address, path, args)
+
+
+def used(node, address, path, args):
+    """Makes a measurement of a complete upload, and compares its bytes with those of the file."""
     upload = address.rsplit("/", 1)[1]
     answer = json.loads(fetched(urllib.request.Request(f"{node.url}/v1/measurements?upload={upload}", method="POST")))
     check(answer["file_name"] == os.path.basename(path), f"the name of the file is {answer['file_name']}")
@@ -205,11 +328,24 @@ def uploaded(proxy, node, path, args, number, chance):
         check(error.code == 404, f"{upload}: {error.code} after its use")
 
 
+def broken(nodes, directory, args, chance):
+    """Runs uploads one after another, each broken a few times. Returns a line about them."""
+    proxy = Proxy([node.port for node in nodes])
+    for number in range(args.uploads):
+        path = os.path.join(directory, f"array-{number}.npy")
+        array(path, chance.randint(*SIZES), chance)
+        uploaded(proxy, nodes[number % 2], path, args, number, chance)
+        os.remove(path)
+    check(proxy.made >= args.uploads, f"only {proxy.made} breaks")
+    return f"{args.uploads} uploads, {proxy.made} breaks"
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("binary")
     parser.add_argument("--uploads", type=int, default=20)
     parser.add_argument("--node")
+    parser.add_argument("--rolling", type=int, metavar="MIB")
     args = parser.parse_args()
     args.seed = int(os.environ.get("WAVELUME_SEED", random.randrange(1 << 30)))
     chance = random.Random(args.seed)
@@ -219,19 +355,17 @@ def main():
         check(done.returncode == 0, f"migrate: {done.stderr}")
         nodes = [Node(binary, directory, number) for number in (1, 2)]
         try:
-            proxy = Proxy([node.port for node in nodes])
-            for number in range(args.uploads):
-                path = os.path.join(directory, f"array-{number}.npy")
-                array(path, chance.randint(*SIZES), chance)
-                uploaded(proxy, nodes[number % 2], path, args, number, chance)
-                os.remove(path)
+            if args.rolling:
+                done = rolling(nodes, directory, args, chance)
+            else:
+                done = broken(nodes, directory, args, chance)
+            line = f"{done}, 0 wrong digests, seed {args.seed}"
             done = subprocess.run([binary, "fsck", *places(directory, 0)], capture_output=True, text=True)
             check(done.returncode == 0, f"fsck: {done.stdout}{done.stderr}")
         finally:
             for node in nodes:
                 node.stop()
-    check(proxy.made >= args.uploads, f"only {proxy.made} breaks")
-    print(f"{args.uploads} uploads, {proxy.made} breaks, 0 wrong digests, seed {args.seed}")
+    print(line)
 
 
 main()

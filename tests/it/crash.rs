@@ -32,13 +32,13 @@ fn setting(name: &str, default: u64) -> u64 {
 }
 
 /// The real program.
-struct Program {
+pub(crate) struct Program {
     child: Child,
-    base: String,
+    pub(crate) base: String,
 }
 
 impl Program {
-    fn start(data: &Path) -> Self {
+    pub(crate) fn start(data: &Path) -> Self {
         let program = std::env::var("WAVELUME_PROGRAM").unwrap_or(env!("CARGO_BIN_EXE_wavelume").to_owned());
         let mut child = Command::new(program)
             .args(["serve", "--listen", "127.0.0.1:0", "--data"])
@@ -54,7 +54,7 @@ impl Program {
     }
 
     /// SIGKILL: no handler runs, nothing is flushed.
-    fn kill(mut self) {
+    pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }

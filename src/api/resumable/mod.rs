@@ -1,7 +1,8 @@
 //! `/v1/uploads`: uploads that a client may continue after a break, by the protocol tus 1.0 (<https://tus.io>).
 //!
-//! Each request with bytes makes one object of the store, under the name of the upload and its number. So any node
-//! continues what another began, and a break loses at most what its node had not stored. The complete upload is used by
+//! Each request with bytes makes an object of the store, a long one several, under the name of the upload and a number.
+//! So any node continues what another began. A break and a stop with notice lose nothing that has come, a killed process
+//! one part. The complete upload is used by
 //! `POST /v1/measurements?upload=…` or `POST /v1/materials?upload=…`, which reads the parts as if they were the body of
 //! that request.
 
@@ -13,6 +14,7 @@ mod used;
 
 pub(super) use used::{receive, upload_parameter};
 
+use super::caller::Caller;
 use super::extract::{Id32, linger};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
@@ -102,11 +104,11 @@ async fn upload_options(app: App) -> Response {
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn create_upload(app: App, client: Client, request: Request) -> Result<Response, Problem> {
+async fn create_upload(app: App, caller: Caller, request: Request) -> Result<Response, Problem> {
     let first =
         if headers::has_bytes(request.headers()) { headers::asked(request.headers()).map(Some) } else { Ok(None) };
     let begun = match first {
-        Ok(first) => begin(&app, client.clone(), request.headers()).await.map(|begun| (begun, first)),
+        Ok(first) => begin(&app, caller.client(), request.headers()).await.map(|begun| (begun, first)),
         Err(problem) => Err(problem),
     };
     let (begun, first) = match begun {
@@ -120,7 +122,7 @@ async fn create_upload(app: App, client: Client, request: Request) -> Result<Res
     let partial = match first {
         Some(asked) => {
             let asked = part::Asked { offset: 0, length: None, begins: true, ..asked };
-            part::begin(&app, client.clone(), begun.id, asked, request.into_body()).await?
+            part::begin(&app, caller, begun.id, asked, request.into_body()).await?
         }
         None => begun,
     };
@@ -232,11 +234,11 @@ async fn get_upload_offset(app: App, Id32(id): Id32) -> Result<Response, Problem
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn append_upload(app: App, client: Client, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
-    append(&app, client, id, request).await
+async fn append_upload(app: App, caller: Caller, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
+    append(&app, caller, id, request).await
 }
 
-async fn append(app: &App, client: Client, id: String, request: Request) -> Result<Response, Problem> {
+async fn append(app: &App, caller: Caller, id: String, request: Request) -> Result<Response, Problem> {
     let asked = match headers::asked(request.headers()) {
         Ok(asked) => asked,
         Err(problem) => {
@@ -244,7 +246,7 @@ async fn append(app: &App, client: Client, id: String, request: Request) -> Resu
             return Err(problem);
         }
     };
-    let partial = part::append(app, client, id, asked, request.into_body()).await?;
+    let partial = part::append(app, caller, id, asked, request.into_body()).await?;
     let mut response = StatusCode::NO_CONTENT.into_response();
     progress(&partial, response.headers_mut());
     Ok(response)
@@ -280,9 +282,9 @@ async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
     request_body(content = Binary, content_type = "application/offset+octet-stream", description = "For `PATCH`: next bytes of the upload"),
     responses((status = 204, description = "The bytes were added to the upload (`PATCH`), or the upload is deleted (`DELETE`)"))
 )]
-async fn override_upload(app: App, client: Client, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
+async fn override_upload(app: App, caller: Caller, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
     match overriding(request.headers()) {
-        Some(Overriding::Patch) => append(&app, client, id, request).await,
+        Some(Overriding::Patch) => append(&app, caller, id, request).await,
         Some(Overriding::Delete) => delete(&app, &id).await.map(IntoResponse::into_response),
         None => {
             linger(request).await;

@@ -1,11 +1,13 @@
 //! Resumable uploads by the protocol tus 1.0: continued through another node after each break, and used like a body.
 
-use crate::service::{D65, LAMP, Service, config, objects, problem, problem_of};
+use crate::crash::Program;
+use crate::service::{D65, LAMP, Service, config, npy, objects, problem, problem_of};
 use reqwest::{Method, RequestBuilder, Response, StatusCode};
 use serde_json::Value;
 use std::path::Path;
 use std::time::Duration;
-use tokio::io::AsyncWriteExt;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
 use wavelume::store::Digest;
 use wavelume::{Archive, Check};
 
@@ -113,7 +115,7 @@ async fn what_arrived_before_a_break_is_kept() {
     while sent < LAMP.len() {
         let (node, left) = (&nodes[turn % 2], LAMP.len() - sent);
         let address = node.base.trim_start_matches("http://").to_owned();
-        let mut stream = tokio::net::TcpStream::connect(&address).await.unwrap();
+        let mut stream = TcpStream::connect(&address).await.unwrap();
         let head = format!(
             "PATCH {path} HTTP/1.1\r\nHost: {address}\r\nTus-Resumable: 1.0.0\r\nContent-Type: {}\r\n\
              Upload-Offset: {sent}\r\nContent-Length: {left}\r\n\r\n",
@@ -142,6 +144,125 @@ async fn what_arrived_before_a_break_is_kept() {
     for node in nodes {
         node.stop().await;
     }
+}
+
+/// Begins a request of `length` bytes over a connection of its own, to which its bytes are written.
+async fn sending(base: &str, method: &str, path: &str, headers: &str, length: usize) -> TcpStream {
+    let address = base.trim_start_matches("http://");
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nHost: {address}\r\nTus-Resumable: 1.0.0\r\nContent-Type: {}\r\n{headers}\
+         Content-Length: {length}\r\n\r\n",
+        KIND.1
+    );
+    stream.write_all(head.as_bytes()).await.unwrap();
+    stream
+}
+
+/// Waits until temporary files of `data` have so many bytes, and returns their sizes.
+async fn staged(data: &Path, files: usize, bytes: u64) {
+    loop {
+        let entries = std::fs::read_dir(data.join("staging")).unwrap();
+        // A file may be published meanwhile.
+        let sizes: Vec<u64> = entries.filter_map(|entry| Some(entry.ok()?.metadata().ok()?.len())).collect();
+        if sizes.iter().filter(|size| **size >= bytes).count() >= files {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+const MIB: usize = 1 << 20;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_keeps_what_has_come_answers_and_frees_the_upload() {
+    let data = tempfile::tempdir().unwrap();
+    let [first, second] = [Service::start(config(data.path())).await, Service::start(config(data.path())).await];
+    let array = npy(&[64, 1024, 75]);
+    assert!(array.len() > 18 * MIB);
+    let path = begin(&first, array.len()).await;
+    let offset_0 = "Upload-Offset: 0\r\n";
+    let mut long = sending(&first.base, "PATCH", &path, offset_0, array.len()).await;
+    long.write_all(&array[..18 * MIB]).await.unwrap();
+    // The client learns the address of this one only from the answer.
+    let length = format!("Upload-Length: {}\r\n", array.len());
+    let mut begun = sending(&first.base, "POST", "/v1/uploads", &length, array.len()).await;
+    begun.write_all(&array[..3 * MIB]).await.unwrap();
+    // Nothing of a checksum's request is kept unless all of it comes, for which it has the drain time.
+    let checked = begin(&first, LAMP.len()).await;
+    let sum = format!("{offset_0}Upload-Checksum: sha256 {}\r\n", ring_sha256(LAMP));
+    let mut summed = sending(&first.base, "PATCH", &checked, &sum, LAMP.len()).await;
+    summed.write_all(&LAMP[..50]).await.unwrap();
+    staged(data.path(), 2, 2 * MIB as u64).await;
+    let stopped = tokio::spawn(first.stop());
+    let mut answers = [String::new(), String::new(), String::new()];
+    long.read_to_string(&mut answers[0]).await.unwrap();
+    assert!(answers[0].starts_with("HTTP/1.1 503") && answers[0].contains("the service stops"), "{}", answers[0]);
+    begun.read_to_string(&mut answers[1]).await.unwrap();
+    assert!(answers[1].starts_with("HTTP/1.1 201"), "{}", answers[1]);
+    summed.write_all(&LAMP[50..]).await.unwrap();
+    summed.read_to_string(&mut answers[2]).await.unwrap();
+    assert!(answers[2].starts_with("HTTP/1.1 204"), "{}", answers[2]);
+    stopped.await.unwrap();
+    // Nothing is locked. Writes to temporary files lag behind by less than a MiB.
+    let kept = offset(&second, &path).await as usize;
+    assert!((17 * MIB..=18 * MIB).contains(&kept), "{kept}");
+    assert_eq!(objects(data.path(), id(&path)).await.len(), 2);
+    assert_eq!(offset(&second, &checked).await, LAMP.len() as u64);
+    let location = answers[1].lines().find_map(|line| line.strip_prefix("location: ")).unwrap();
+    assert!(offset(&second, location).await as usize >= 2 * MIB);
+    send(&second, &path, kept, &array[kept..]).await;
+    let used = second.post(&format!("/v1/measurements?upload={}", id(&path))).send().await.unwrap();
+    assert_eq!(used.json::<Value>().await.unwrap()["id"], Digest::of(&array).to_string());
+    second.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_killed_process_loses_one_part_of_a_long_request() {
+    let data = tempfile::tempdir().unwrap();
+    let program = Program::start(data.path());
+    let client = reqwest::Client::builder().no_proxy().build().unwrap();
+    let bytes = vec![7; 40 * MIB];
+    let begun = client.post(format!("{}/v1/uploads", program.base)).header("tus-resumable", "1.0.0");
+    let begun = begun.header("upload-length", bytes.len()).send().await.unwrap();
+    let path = begun.headers()["location"].to_str().unwrap().to_owned();
+    let mut stream = sending(&program.base, "PATCH", &path, "Upload-Offset: 0\r\n", bytes.len()).await;
+    stream.write_all(&bytes[..39 * MIB]).await.unwrap();
+    // The third part: the second one is kept.
+    while std::fs::read_dir(data.path().join("uploads")).map_or(0, Iterator::count) < 2 {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    staged(data.path(), 1, 3 * MIB as u64).await;
+    program.kill();
+    let program = Program::start(data.path());
+    let kept = loop {
+        let head =
+            client.head(format!("{}{path}", program.base)).header("tus-resumable", "1.0.0").send().await.unwrap();
+        if head.status() == StatusCode::OK {
+            break number(&head, "upload-offset") as usize;
+        }
+        assert_eq!(head.status(), StatusCode::LOCKED, "until the lease ends");
+    };
+    assert!((30 * MIB..32 * MIB).contains(&kept), "{kept}");
+    program.kill();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_long_request_with_a_checksum_is_kept_whole_or_not_at_all_and_few_parts_take_all() {
+    let data = tempfile::tempdir().unwrap();
+    let mut config = config(data.path());
+    config.work.limits.partial_parts = 3;
+    let service = Service::start(config).await;
+    let bytes = vec![7; 17 * MIB];
+    let path = begin(&service, 4 * bytes.len()).await;
+    let checked = |sum: &str| patch(&service, &path, 0, &bytes).header("upload-checksum", format!("sha256 {sum}"));
+    problem(checked(&ring_sha256(b"other")), 460, "checksum-mismatch").await;
+    assert_eq!(offset(&service, &path).await, 0);
+    assert_eq!(checked(&ring_sha256(&bytes)).send().await.unwrap().status(), StatusCode::NO_CONTENT);
+    assert_eq!(parts(data.path(), &path).await, 1);
+    send(&service, &path, bytes.len(), &bytes.repeat(3)).await;
+    assert_eq!(parts(data.path(), &path).await, 3, "the last part that is allowed takes the rest");
+    service.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
