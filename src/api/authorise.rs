@@ -2,7 +2,7 @@
 
 use super::caller::{Actor, Caller};
 use super::decisions::{Decision, Judged, KeyState, Rights};
-use super::expiring::{Expiring, SHORT};
+use super::expiring::{Expiring, Rest, SHORT, ended};
 use super::guard::{AuthMode, Verdict};
 use super::layers::{refuse, wrong_method};
 use super::needs::{self, Need};
@@ -29,9 +29,6 @@ const PASSED_ON: [&str; 3] = ["forwarded", "x-forwarded-for", "via"];
 /// Upper bound in characters on the subject of a record in the audit trail: longer than any id.
 const LONGEST_SUBJECT: usize = 80;
 
-/// Value of the header `WWW-Authenticate` in answers that ask for an access key.
-const CHALLENGE: &str = "Bearer realm=\"wavelume\"";
-
 /// Reason to refuse the key, token or link that a request presents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Refused {
@@ -51,23 +48,24 @@ enum Refused {
 }
 
 /// Step that identifies the caller of a request before the steps `next`, and refuses the request if its route needs a
-/// scope that the caller lacks.
+/// scope that the caller lacks. If the rights of the caller end while the steps run, they are dropped, so that nothing
+/// is named for it any more.
 pub(crate) async fn authorise<F: Future<Output = Response>>(
     app: &App,
     request: Request,
     next: impl FnOnce(Request) -> F,
 ) -> Response {
     let (mut parts, body) = request.into_parts();
-    let mut end = None;
+    let mut watched = None;
     match caller(app, &parts).await {
         Ok(Some(caller)) => {
-            end = caller.actor.key().map(|key| (key, caller.left().map(|left| Instant::now() + left)));
+            watched = caller.watched();
             parts.extensions.insert(caller);
         }
         // No route: the fallback answers.
         Ok(None) => {}
         Err(problem) => {
-            metrics::counter!("wavelume_unauthorised_total", "problem" => problem.code()).increment(1);
+            count(&problem);
             // Whoever has no place left is refused before the rest of the request has come.
             return match app.guard.stranger(Peer::of_extensions(&parts.extensions)) {
                 Ok(_place) => refuse(Request::from_parts(parts, body), problem).await,
@@ -76,7 +74,18 @@ pub(crate) async fn authorise<F: Future<Output = Response>>(
         }
     }
     let recorded = (app.guard.mode != AuthMode::Off).then(|| act(&parts)).flatten();
-    let mut response = next(Request::from_parts(parts, body)).await;
+    let (rest, body) = if watched.is_some() { Rest::of(body) } else { (None, body) };
+    let mut response = tokio::select! {
+        biased;
+        response = next(Request::from_parts(parts, body)) => response,
+        problem = ended(app, watched) => {
+            count(&problem);
+            if let Some(rest) = rest {
+                rest.discard(app.engine.limits.idle);
+            }
+            return problem.into_response();
+        }
+    };
     if let Some(act) = recorded.filter(|_| response.status().is_success()) {
         record(app, response.headers(), act).await;
     }
@@ -86,14 +95,19 @@ pub(crate) async fn authorise<F: Future<Output = Response>>(
         keep_private(response.headers_mut());
     }
     let is_short = response.body().size_hint().upper().is_some_and(|bytes| bytes <= SHORT);
-    match end.filter(|_| !is_short) {
-        Some((key, end)) => {
+    match watched.filter(|_| !is_short) {
+        Some(watched) => {
             let app = app.clone();
-            let lost = async move { app.guard.decisions.lost(&app.engine.archive.catalog, key, end).await };
+            let lost = async move { drop(ended(&app, Some(watched)).await) };
             response.map(|body| Body::new(Expiring::new(body, lost)))
         }
         None => response,
     }
+}
+
+/// Counts a request that was refused for its key.
+fn count(problem: &Problem) {
+    metrics::counter!("wavelume_unauthorised_total", "problem" => problem.code()).increment(1);
 }
 
 /// Returns the audit-trail record of a request; `None` if requests for its route are not recorded, or if their handler
@@ -146,7 +160,7 @@ async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
         Shown { actor: Actor::Anonymous, tenant: Tenant::nobody(), scopes, reach: Reach::All, until: None }
     } else {
         let detail = "the request has no key, expected the header `Authorization: Bearer KEY`";
-        return Err(Problem::new(Kind::Unauthorized, detail).with(header::WWW_AUTHENTICATE, CHALLENGE));
+        return Err(Problem::unauthorised(detail));
     };
     let Shown { actor, tenant, scopes, reach, until } = shown;
     if !need.allows(scopes) {
@@ -319,7 +333,7 @@ fn too_many(peer: Peer, wait: Duration) -> Problem {
 }
 
 fn unauthorised(reason: Refused) -> Problem {
-    Problem::new(Kind::Unauthorized, reason.text()).with(header::WWW_AUTHENTICATE, CHALLENGE)
+    Problem::unauthorised(reason.text())
 }
 
 fn closed(tenant: &Tenant) -> Problem {

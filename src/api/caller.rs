@@ -10,7 +10,7 @@ use axum::http::{Extensions, request::Parts};
 use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Caller of a request. The step [`authorise`](super::authorise) puts it into every request with a route.
 #[derive(Clone, Debug)]
@@ -43,6 +43,18 @@ pub(crate) enum Actor {
     /// The caller follows a signed link that was made from the key with this id.
     Link(KeyId),
 }
+
+/// Key on which the rights of a caller depend, and the end of the token or link that was made from it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Watched {
+    /// Id of the key that the caller has sent, or from which its token or link was made.
+    pub(crate) key: KeyId,
+    /// Time at which the token or link of the caller ends; `None` for a key, whose end the database tells.
+    pub(crate) end: Option<Instant>,
+}
+
+/// Difference that the clocks of the machine that makes tokens and links and of this one may have.
+const SKEW: Duration = Duration::from_secs(crate::trust::SKEW);
 
 /// Id of an HTTP request, stored in the extensions of the request.
 #[derive(Clone, Debug)]
@@ -79,6 +91,18 @@ impl Caller {
     pub(crate) fn left(&self) -> Option<Duration> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         self.until.map(|until| Duration::from_secs(until).saturating_sub(now))
+    }
+
+    /// Returns what the rights of the caller depend on while its request is under way; `None` without a key.
+    pub(crate) fn watched(&self) -> Option<Watched> {
+        let key = self.actor.key()?;
+        let end = match self.actor {
+            // The machine that made it may have another clock, as when the request came.
+            Actor::Token(_) | Actor::Link(_) => self.left().map(|left| Instant::now() + left + SKEW),
+            // The database has the better clock.
+            Actor::Key(_) | Actor::Off | Actor::Anonymous => None,
+        };
+        Some(Watched { key, end })
     }
 
     /// Returns true if the caller administers the whole service.

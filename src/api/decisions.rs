@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 /// delays the effect of a revocation on other nodes: together with [`LOOK`] it must stay below the promised 5 s.
 const BELIEVED: Duration = Duration::from_secs(4);
 
-/// Interval at which the service checks, while it sends a long answer, that the key of the request is still valid.
-/// Raising it saves checks, but lets the answer go on for longer after a revocation.
+/// Interval at which the service checks, while a request is under way or its long answer is sent, that the key of the
+/// request is still valid. Raising it saves checks, but lets the request go on for longer after a revocation.
 const LOOK: Duration = Duration::from_millis(500);
 
 /// Age of a remembered decision about a key at which one request asks the database again, while the others still use
@@ -141,23 +141,34 @@ impl Decisions {
         Ok(Judged::Known(decision))
     }
 
-    /// Resolves when the key of a request whose answer is still being sent is no longer valid, or at `end`, when the
-    /// token or link made from it expires. A valid key counts as valid while the database does not answer.
-    pub(crate) async fn lost(&self, catalog: &Catalog, key: KeyId, end: Option<Instant>) {
-        while end.is_none_or(|end| Instant::now() < end) && self.holds(catalog, key).await {
+    /// Resolves when the key of a request under way is no longer valid, or at `end`, when the token or link made from it
+    /// expires, and returns why. A valid key counts as valid while the database does not answer.
+    pub(crate) async fn lost(&self, catalog: &Catalog, key: KeyId, end: Option<Instant>) -> KeyState {
+        loop {
             let next = Instant::now() + LOOK;
             tokio::time::sleep_until(end.map_or(next, |end| end.min(next)).into()).await;
+            if end.is_some_and(|end| Instant::now() >= end) {
+                return KeyState::Expired;
+            }
+            match self.state(catalog, key).await {
+                KeyState::Valid => {}
+                lost => return lost,
+            }
         }
     }
 
-    /// Returns true if a key is valid, as far as the process knows or the database says.
-    async fn holds(&self, catalog: &Catalog, id: KeyId) -> bool {
+    /// Returns the state of a key, as far as the process knows or the database says. A key that is gone was revoked.
+    async fn state(&self, catalog: &Catalog, id: KeyId) -> KeyState {
         let judged = match self.remembered(catalog, id, None).await {
             Ok(None) => self.look_up(catalog, id, None).await,
             Ok(Some(judged)) => Ok(judged),
             Err(error) => Err(error),
         };
-        judged.map_or(true, |judged| matches!(judged, Judged::Known(rights) if rights.state == KeyState::Valid))
+        match judged {
+            Ok(Judged::Known(rights)) => rights.state,
+            Ok(Judged::Wrong) => KeyState::Revoked,
+            Err(_) => KeyState::Valid,
+        }
     }
 
     /// Drops the remembered decision about a key, because the key was changed in this process.
@@ -289,7 +300,7 @@ mod tests {
             assert_eq!(catalog.revoke_key(key.id(), None, &Act::default()).await.unwrap(), Revoked::Done);
             here.forget(key.id());
             assert_eq!(judged(&here, &catalog, &key).await, "revoked");
-            assert!(!here.holds(&catalog, key.id()).await);
+            assert_eq!(here.state(&catalog, key.id()).await, KeyState::Revoked);
             assert_eq!(judged(&elsewhere, &catalog, &key).await, "valid", "remembered for a moment");
             let until = elsewhere.known().by[&key.id()].until;
             assert!(until <= Instant::now() + BELIEVED);

@@ -1,13 +1,39 @@
-//! Body of a long answer, which breaks off when the rights of its caller end.
+//! Requests under way whose caller loses its rights: they are refused, and a long answer breaks off.
 
+use super::caller::Watched;
+use super::decisions::KeyState;
+use super::extract::drain;
+use super::problem::{Kind, Problem};
+use super::state::App;
 use axum::body::{Body, Bytes, HttpBody};
 use hyper::body::{Frame, SizeHint};
 use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
+use std::time::Duration;
 
 /// Size in bytes up to which an answer is sent whole, even if the rights of its caller end meanwhile. Raising it lets
 /// longer answers go on after a key was revoked.
 pub(crate) const SHORT: u64 = 1 << 20;
+
+/// Resolves when the rights of a caller end while its request is under way, with the error response to the request.
+/// Never resolves for a caller without a key.
+pub(crate) async fn ended(app: &App, watched: Option<Watched>) -> Problem {
+    let Some(Watched { key, end }) = watched else { return std::future::pending().await };
+    match app.guard.decisions.lost(&app.engine.archive.catalog, key, end).await {
+        KeyState::Closed => {
+            let detail = "the tenant of the key was closed while the request was under way; whoever administers the \
+                          service can open it";
+            Problem::new(Kind::MissingScope, detail)
+        }
+        KeyState::Revoked => {
+            Problem::unauthorised("the key was revoked while the request was under way: make another one")
+        }
+        KeyState::Expired | KeyState::Valid => {
+            Problem::unauthorised("the key, token or link expired while the request was under way: make another one")
+        }
+    }
+}
 
 /// Body of an answer to a request with a key, token or link. It breaks off when the rights of the caller end.
 pub(crate) struct Expiring {
@@ -51,6 +77,47 @@ impl HttpBody for Expiring {
 
     fn size_hint(&self) -> SizeHint {
         self.body.size_hint()
+    }
+}
+
+/// Request body that outlives the handler which reads it, so that the rest can be discarded when the request is refused
+/// midway: most clients read the answer only after their body, and many of them would find a broken connection instead.
+pub(crate) struct Rest(Arc<Mutex<Body>>);
+
+/// Handler's side of a [`Rest`].
+struct Lent(Arc<Mutex<Body>>);
+
+impl Rest {
+    /// Lends a request body to a handler. Returns `None` beside a body without bytes.
+    pub(crate) fn of(body: Body) -> (Option<Self>, Body) {
+        if body.is_end_stream() {
+            return (None, body);
+        }
+        let body = Arc::new(Mutex::new(body));
+        (Some(Self(Arc::clone(&body))), Body::new(Lent(body)))
+    }
+
+    /// Discards the rest of the body for at most the given time, while the answer is sent.
+    pub(crate) fn discard(self, time: Duration) {
+        let body = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        tokio::spawn(drain(body, time));
+    }
+}
+
+impl HttpBody for Lent {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        Pin::new(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner)).poll_frame(context)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).size_hint()
     }
 }
 

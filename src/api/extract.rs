@@ -15,6 +15,7 @@ use bytes::BytesMut;
 use futures::StreamExt;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use std::time::Duration;
 
 /// Query string parsed as `T`.
 #[derive(Clone, Debug)]
@@ -311,6 +312,11 @@ pub(crate) async fn linger(request: Request) {
 
 /// Reads and discards a request body: at most 32 MiB within 2 s.
 pub(crate) async fn linger_body(body: Body) {
+    drain(body, Duration::from_secs(2)).await;
+}
+
+/// Reads and discards a request body: at most 32 MiB within the given time.
+pub(crate) async fn drain(body: Body, time: Duration) {
     let mut left: usize = 32 << 20;
     let mut stream = body.into_data_stream();
     let drain = async {
@@ -322,7 +328,7 @@ pub(crate) async fn linger_body(body: Body) {
         }
     };
     // The answer follows whether or not the body was drained.
-    let _ = tokio::time::timeout(std::time::Duration::from_secs(2), drain).await;
+    let _ = tokio::time::timeout(time, drain).await;
 }
 
 #[cfg(test)]

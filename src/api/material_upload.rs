@@ -1,5 +1,7 @@
 //! `POST /v1/materials`: a material that was made elsewhere.
 
+use super::caller::Caller;
+use super::expiring::ended;
 use super::extract::{Query, check_upload_id, linger};
 use super::materials::Material;
 use super::places::KIB;
@@ -9,7 +11,7 @@ use super::schemas::{Binary, UploadIdText};
 use super::state::{App, Service};
 use super::upload_query::UPLOAD;
 use crate::catalog::MaterialRow;
-use crate::jobs::{Client, MaterialUpload, Tags, Text};
+use crate::jobs::{MaterialUpload, Tags, Text};
 use crate::store::{Digest, Staged};
 use axum::Json;
 use axum::extract::{FromRequestParts, Request};
@@ -110,7 +112,7 @@ fn read(pairs: Vec<(String, String)>) -> Result<(MaterialUpload, Option<String>)
             headers(("Location" = String, description = "URL of the material"))),
     )
 )]
-async fn post_material(app: App, client: Client, request: Request) -> Result<Response, Problem> {
+async fn post_material(app: App, caller: Caller, request: Request) -> Result<Response, Problem> {
     let start = std::time::Instant::now();
     let (mut parts, body) = request.into_parts();
     let stated = Query::<MaterialQuery>::from_request_parts(&mut parts, &app).await;
@@ -124,7 +126,7 @@ async fn post_material(app: App, client: Client, request: Request) -> Result<Res
     };
     let (staged, used) = resumable::receive(&app, id.as_deref(), request).await?;
     let bytes = staged.bytes();
-    let ingested = ingest(&app, client, staged, upload).await;
+    let ingested = ingest(&app, &caller, staged, upload).await;
     if let Some(used) = used {
         used.end(&app, ingested.is_ok()).await;
     }
@@ -140,10 +142,10 @@ async fn post_material(app: App, client: Client, request: Request) -> Result<Res
 }
 
 /// Checks and stores an uploaded file, within the memory that its client may use for that. The work goes on if the
-/// client leaves, and holds its memory until it has ended.
+/// client leaves, holds its memory until it has ended, and ends with the rights of the caller.
 async fn ingest(
     app: &App,
-    client: Client,
+    caller: &Caller,
     staged: Staged,
     upload: MaterialUpload,
 ) -> Result<(MaterialRow, bool), Problem> {
@@ -156,8 +158,9 @@ async fn ingest(
     if memory > most as u64 {
         return Err(over_limit(memory));
     }
+    let (client, watched) = (caller.client(), caller.watched());
     let mut place = app.held.checking.take(client.clone(), (memory as usize).div_ceil(KIB).min(most / KIB))?;
-    let engine = app.engine.clone();
+    let app = app.clone();
     let work = tokio::spawn(client.on_behalf(async move {
         let (mut total, mut refused) = (memory, None);
         let mut more = |bytes: u64| {
@@ -169,7 +172,10 @@ async fn ingest(
             };
             grown.map_err(|problem| refused = Some(problem)).is_ok()
         };
-        let ingested = engine.ingest_material(staged, upload, &mut more).await;
+        let ingested = tokio::select! {
+            ingested = app.engine.ingest_material(staged, upload, &mut more) => ingested,
+            problem = ended(&app, watched) => return Err(problem),
+        };
         drop(place);
         match refused {
             Some(problem) => Err(problem),

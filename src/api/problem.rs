@@ -18,6 +18,9 @@ use utoipa::ToSchema;
 /// text quotes a long value from the request.
 const LONGEST_DETAIL: usize = 1000;
 
+/// Value of the header `WWW-Authenticate` in answers that ask for an access key.
+const CHALLENGE: &str = "Bearer realm=\"wavelume\"";
+
 /// An error of an HTTP request, as the client sees it.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem {
@@ -156,6 +159,11 @@ impl Problem {
     pub(crate) fn at(mut self, place: &str) -> Self {
         self.detail = format!("{place}: {}", self.detail);
         self
+    }
+
+    /// Builds the error response to a request that lacks a valid key.
+    pub(crate) fn unauthorised(detail: impl Into<String>) -> Self {
+        Self::new(Kind::Unauthorized, detail).with(header::WWW_AUTHENTICATE, CHALLENGE)
     }
 
     /// Builds the error response to a well-formed request that cannot be fulfilled.

@@ -11,7 +11,7 @@ mod signing;
 mod tenant;
 mod token;
 
-pub(crate) use grant::{Grant, KeyFacts, LONGEST, MaterialId, Method, Methods, Reach, Refused};
+pub(crate) use grant::{Grant, KeyFacts, LONGEST, MaterialId, Method, Methods, Reach, Refused, SKEW};
 pub(crate) use key::{Key, KeyError, KeyId, NotAKeyId, SecretHash};
 pub(crate) use link::Link;
 pub(crate) use redact::{holds_secret, without_secrets};

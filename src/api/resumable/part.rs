@@ -3,6 +3,7 @@
 use super::checksum::Checksum;
 use super::refusals::{absent, expired, locked};
 use crate::api::caller::Caller;
+use crate::api::expiring::ended;
 use crate::api::extract::linger_body;
 use crate::api::pace::Pace;
 use crate::api::problem::{Kind, Problem};
@@ -56,7 +57,7 @@ pub(super) async fn begin(app: &App, caller: Caller, id: String, asked: Asked, b
 }
 
 /// Adds the body of a request to an upload and returns the upload afterwards. The work goes on if the client leaves, so
-/// that the bytes which arrived are kept, and the service does not end before it.
+/// that the bytes which arrived are kept, and the service does not end before it. It ends with the rights of the caller.
 pub(super) async fn append(
     app: &App,
     caller: Caller,
@@ -74,7 +75,10 @@ pub(super) async fn append(
                 return Err(full.into());
             }
         };
-        let appended = held(&app, &id, &asked, body).await;
+        let appended = tokio::select! {
+            appended = held(&app, &id, &asked, body) => appended,
+            problem = ended(&app, caller.watched()) => Err(problem),
+        };
         drop(place);
         appended
     }));

@@ -2,11 +2,13 @@
 
 use crate::service::{D65, Service, config, problem, problem_of};
 use futures::StreamExt;
-use reqwest::{Method, RequestBuilder, StatusCode};
+use reqwest::header::HeaderValue;
+use reqwest::{Body, Method, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::process::Command;
 use std::time::{Duration, Instant};
+use tokio::io::AsyncWriteExt;
 use wavelume::api::{AuthMode, ServeConfig, ServeError, Server, openapi};
 
 const SCOPES: [&str; 5] = ["read", "write", "jobs", "tenant", "instance"];
@@ -210,6 +212,68 @@ async fn a_revoked_key_is_refused_at_once_here_and_within_five_seconds_elsewhere
     tokio::time::timeout(Duration::from_secs(5), end).await.expect("the stream of a revoked key ends");
 
     here.post(long["links"]["cancel"].as_str().unwrap()).bearer_auth(&first).send().await.unwrap();
+    here.stop().await;
+    elsewhere.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_under_way_is_refused_when_its_key_is_revoked_and_nothing_is_named() {
+    let data = tempfile::tempdir().unwrap();
+    let (config, first) = guarded(data.path());
+    let (here, elsewhere) = (Service::start(config.clone()).await, Service::start(config).await);
+    let (key, id) = made(&here, &first, &json!({ "scopes": ["read", "write", "jobs"] })).await;
+    let begun = here.post("/v1/uploads").bearer_auth(&key).header("tus-resumable", "1.0.0");
+    let begun = begun.header("upload-length", D65.len()).send().await.unwrap();
+    let upload = begun.headers()["location"].to_str().unwrap().to_owned();
+    let mut senders = Vec::new();
+    let mut slow = |request: RequestBuilder| {
+        let (sender, body) = tokio::io::duplex(1 << 16);
+        let request = request.bearer_auth(&key).body(Body::wrap_stream(tokio_util::io::ReaderStream::new(body)));
+        senders.push(sender);
+        tokio::spawn(request.send())
+    };
+    let part = elsewhere.request(Method::PATCH, &upload).header("tus-resumable", "1.0.0");
+    let part = part.header("upload-offset", 0).header("content-type", "application/offset+octet-stream");
+    let mut under_way = vec![
+        slow(here.post("/v1/measurements?filename=d65.csv")),
+        slow(elsewhere.post("/v1/measurements?filename=d65.csv")),
+        slow(elsewhere.post("/v1/materials")),
+        slow(part),
+    ];
+    for sender in &mut senders {
+        sender.write_all(&D65[..D65.len() / 2]).await.unwrap();
+    }
+    let waiting = elsewhere.post("/v1/jobs").bearer_auth(&key).header("prefer", "wait=60");
+    under_way.push(tokio::spawn(waiting.json(&json!({ "kind": "paper" })).send()));
+    let jobs = async || -> Value {
+        here.get("/v1/jobs").bearer_auth(&first).send().await.unwrap().json::<Value>().await.unwrap()["items"].clone()
+    };
+    while jobs().await.as_array().unwrap().is_empty() {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    let revoked = here.request(Method::DELETE, &format!("/v1/keys/{id}")).bearer_auth(&first).send().await.unwrap();
+    assert_eq!(revoked.status(), StatusCode::NO_CONTENT);
+    for request in under_way {
+        let answer = tokio::time::timeout(Duration::from_secs(20), request).await.expect("it is refused");
+        let refusal = problem_of(answer.unwrap().unwrap(), 401, "unauthorized").await;
+        assert!(refusal["detail"].as_str().unwrap().contains("revoked while"), "{refusal}");
+    }
+    for mut sender in senders {
+        // The connection is closed.
+        let _ = sender.write_all(&D65[D65.len() / 2..]).await;
+    }
+    for path in ["/v1/measurements", "/v1/materials"] {
+        let list: Value = here.get(path).bearer_auth(&first).send().await.unwrap().json().await.unwrap();
+        assert_eq!(list["items"], json!([]), "{path}");
+    }
+    // Another key of the tenant goes on with the upload, of which the cut request has left nothing.
+    let head = here.request(Method::HEAD, &upload).bearer_auth(&first).header("tus-resumable", "1.0.0");
+    let head = head.send().await.unwrap();
+    assert_eq!((head.status(), &head.headers()["upload-offset"]), (StatusCode::OK, &HeaderValue::from_static("0")));
+    // The job was accepted while the key was valid.
+    let job = jobs().await[0].clone();
+    assert!(job["state"] == "queued" || job["state"] == "running", "{job}");
+    here.post(job["links"]["cancel"].as_str().unwrap()).bearer_auth(&first).send().await.unwrap();
     here.stop().await;
     elsewhere.stop().await;
 }
