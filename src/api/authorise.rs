@@ -89,10 +89,14 @@ pub(crate) async fn authorise<F: Future<Output = Response>>(
     if let Some(act) = recorded.filter(|_| response.status().is_success()) {
         record(app, response.headers(), act).await;
     }
-    // A cache on the way may give a public answer to those without a key only where they may ask themselves.
-    let for_all = response.extensions().get::<ForAll>().is_some() && app.guard.mode == AuthMode::KeysAndAnonymousRead;
-    if app.guard.mode != AuthMode::Off && !for_all {
-        keep_private(response.headers_mut());
+    if app.guard.mode != AuthMode::Off {
+        // A cache on the way may give an answer to others only if they may ask for it themselves, without a key.
+        let for_all = response.extensions().get::<ForAll>().is_some();
+        if for_all && watched.is_none() {
+            keep_short(response.headers_mut())
+        } else {
+            keep_private(response.headers_mut())
+        }
     }
     let is_short = response.body().size_hint().upper().is_some_and(|bytes| bytes <= SHORT);
     match watched.filter(|_| !is_short) {
@@ -351,6 +355,18 @@ fn passed_on(name: &str) -> Problem {
     Problem::new(Kind::PassedOn, detail)
 }
 
+/// Value of the header `Cache-Control` of answers to those without a key. Caches ask again after five minutes, with the
+/// entity tag: a material that is private again is gone from them by then. Raising the time spares requests, and lets
+/// caches show such a material for longer.
+const SHARED: HeaderValue = HeaderValue::from_static("public, max-age=300, must-revalidate");
+
+/// Bounds the time for which caches keep an answer about a public material, which may become private again.
+fn keep_short(headers: &mut HeaderMap) {
+    if headers.get(header::CACHE_CONTROL).is_some_and(|value| value.as_bytes().starts_with(b"public")) {
+        headers.insert(header::CACHE_CONTROL, SHARED);
+    }
+}
+
 /// Sets headers of an answer that is for one caller, so that shared caches do not store it for others.
 fn keep_private(headers: &mut HeaderMap) {
     headers.append(header::VARY, HeaderValue::from_static("authorization"));
@@ -397,6 +413,7 @@ impl Refused {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::api::content::FOR_GOOD;
 
     #[test]
     fn one_bearer_is_read_in_any_case() {
@@ -420,12 +437,24 @@ mod tests {
     #[test]
     fn answers_to_a_caller_are_private() {
         let mut headers = HeaderMap::new();
-        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+        headers.insert(header::CACHE_CONTROL, FOR_GOOD);
         keep_private(&mut headers);
         assert_eq!(headers[header::CACHE_CONTROL], "private, max-age=31536000, immutable");
         assert_eq!(headers[header::VARY], "authorization");
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
         keep_private(&mut headers);
         assert_eq!(headers[header::CACHE_CONTROL], "no-store");
+    }
+
+    #[test]
+    fn answers_to_everybody_are_kept_for_minutes() {
+        let mut headers = HeaderMap::new();
+        keep_short(&mut headers);
+        assert!(headers.is_empty());
+        for (kept, then) in [(FOR_GOOD, SHARED), (HeaderValue::from_static("no-store"), "no-store".parse().unwrap())] {
+            headers.insert(header::CACHE_CONTROL, kept);
+            keep_short(&mut headers);
+            assert_eq!(headers[header::CACHE_CONTROL], then);
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Stored bytes over HTTP: strong `ETag` (the digest), immutable caching, byte ranges, conditional requests.
+//! Stored bytes over HTTP: strong `ETag` (the digest), caching, byte ranges, conditional requests.
 
 use super::problem::{Kind, Problem};
 use super::state::App;
@@ -13,6 +13,10 @@ use std::time::Duration;
 
 /// Media type of a material file.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
+
+/// Value of the header `Cache-Control` of bytes that never change: whoever may read them may keep them for good. Answers
+/// to those without a key get another one where materials may become private again.
+pub(crate) const FOR_GOOD: HeaderValue = HeaderValue::from_static("public, max-age=31536000, immutable");
 
 /// Number of response headers for which room is made at once. A smaller one makes the table of headers grow several
 /// times.
@@ -110,7 +114,7 @@ async fn answer(
     let archive = &app.engine.archive;
     let (blob, size) = archive.blob(digest).await.map_err(Refused::Blob)?;
     let labels = Labels::new(digest, media_type, file_name);
-    let asked = labels.asked(headers, size).map_err(Refused::Request)?;
+    let asked = labels.asked(method, headers, size).map_err(Refused::Request)?;
     let body = match &asked {
         Some((_, range)) if method != Method::HEAD => {
             if size <= WHOLE {
@@ -140,14 +144,19 @@ impl Labels {
         Self { etag, media_type: HeaderValue::from_static(media_type), disposition: disposition(file_name) }
     }
 
-    /// Returns the status and the byte range that the request `headers` select from a blob of `size` bytes. Returns
-    /// `None` for status 304 (not modified).
-    fn asked(&self, headers: &HeaderMap, size: u64) -> Result<Option<(StatusCode, Range<u64>)>, Problem> {
+    /// Returns the status and the byte range that a request selects from a blob of `size` bytes. Only `GET` asks for a
+    /// range (RFC 9110 section 14.2). Returns `None` for status 304 (not modified).
+    fn asked(
+        &self,
+        method: &Method,
+        headers: &HeaderMap,
+        size: u64,
+    ) -> Result<Option<(StatusCode, Range<u64>)>, Problem> {
         let etag = self.etag.to_str().unwrap_or_default();
         if not_modified(headers, etag) {
             return Ok(None);
         }
-        match if current(headers, etag) { part(headers, size) } else { Part::Whole } {
+        match if method == Method::GET && current(headers, etag) { part(headers, size) } else { Part::Whole } {
             Part::Whole => Ok(Some((StatusCode::OK, 0..size))),
             Part::Some(range) => Ok(Some((StatusCode::PARTIAL_CONTENT, range))),
             Part::TooMany(count) => {
@@ -168,7 +177,7 @@ impl Labels {
         headers.reserve(HEADERS);
         headers.insert(header::ETAG, self.etag.clone());
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+        headers.insert(header::CACHE_CONTROL, FOR_GOOD);
         let Some((status, range)) = asked else {
             *response.status_mut() = StatusCode::NOT_MODIFIED;
             return response;
@@ -196,7 +205,7 @@ pub(crate) fn respond_with(
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
     let (size, labels) = (bytes.len() as u64, Labels::new(digest, media_type, file_name));
-    let asked = labels.asked(headers, size)?;
+    let asked = labels.asked(method, headers, size)?;
     let body = match &asked {
         Some((_, range)) if method != Method::HEAD => Body::from(bytes.slice(range.start as usize..range.end as usize)),
         _ => Body::empty(),

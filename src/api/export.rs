@@ -1,6 +1,6 @@
 //! `/v1/materials/{id}/export`: a material in an exchange format, with the error that the format adds.
 
-use super::content::not_modified;
+use super::content::{FOR_GOOD, not_modified};
 use super::export_description::{ExportParams, ExportedFile, FORMAT};
 use super::extract::{Id, Query, unknown_parameter};
 use super::places::Place;
@@ -112,7 +112,7 @@ async fn export(
     };
     let headers = response.headers_mut();
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+    headers.insert(header::CACHE_CONTROL, FOR_GOOD);
     Ok(seen.mark(response))
 }
 

@@ -2,7 +2,7 @@
 
 use super::caller::Caller;
 use super::color::Asked;
-use super::content::not_modified;
+use super::content::{FOR_GOOD, not_modified};
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
@@ -88,7 +88,7 @@ async fn preview(
     };
     let headers = response.headers_mut();
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+    headers.insert(header::CACHE_CONTROL, FOR_GOOD);
     // The light of a stored material may be private although this material is public.
     if in_stored_light { Ok(response) } else { Ok(seen.mark(response)) }
 }

@@ -18,7 +18,7 @@ pub(super) struct Seen {
 }
 
 /// Mark of a response that is the same for all callers, because it is about a public material. Caches may share such a
-/// response where requests without a key are admitted.
+/// response, for a short time, where requests without a key are admitted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ForAll;
 

@@ -21,6 +21,9 @@ async fn content_has_conditions_and_ranges() {
         let head = service.request(Method::HEAD, &path).send().await.unwrap();
         assert_eq!(head.headers()["content-length"], bytes.len().to_string().as_str());
         assert_eq!(head.headers()["etag"], tag.as_str());
+        let head = service.request(Method::HEAD, &path).header("range", "bytes=3-9").send().await.unwrap();
+        assert_eq!(head.status(), StatusCode::OK, "only GET asks for a range");
+        assert_eq!(head.headers()["content-length"], bytes.len().to_string().as_str());
         let same = service.get(&path).header("if-none-match", &tag).send().await.unwrap();
         assert_eq!((same.status(), same.bytes().await.unwrap().len()), (StatusCode::NOT_MODIFIED, 0));
 

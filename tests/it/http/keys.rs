@@ -519,12 +519,39 @@ async fn without_a_key_only_public_materials_are_read() {
 
     let open = service.request(Method::PATCH, &one).bearer_auth(&first).json(&json!({ "visibility": "public" }));
     assert_eq!(open.send().await.unwrap().status(), StatusCode::OK);
+    let cached = async |path: &str, key: Option<&str>| {
+        let request = service.get(path);
+        let answer = key.map_or(request.try_clone().unwrap(), |key| request.bearer_auth(key)).send().await.unwrap();
+        assert_eq!(answer.status(), StatusCode::OK, "{path}");
+        let text = |name: &str| answer.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
+        (text("cache-control").unwrap_or_default(), text("etag"), text("vary").unwrap_or_default())
+    };
     for path in &paths {
-        assert_eq!(service.get(path).send().await.unwrap().status(), StatusCode::OK, "{path}");
+        cached(path, None).await;
+    }
+    let kept = [&paths[1], &paths[3], &format!("/v1/blobs/{material}"), &format!("{one}/export?format=manifest")];
+    for path in kept {
+        let (cache, etag, vary) = cached(path, None).await;
+        assert_eq!((cache.as_str(), vary.as_str()), ("public, max-age=300, must-revalidate", ""), "{path}");
+        let same = service.get(path).header("if-none-match", etag.unwrap()).send().await.unwrap();
+        assert_eq!(same.status(), StatusCode::NOT_MODIFIED, "{path}");
+        assert_eq!(same.headers()["cache-control"], "public, max-age=300, must-revalidate", "{path}");
+        let (cache, _, vary) = cached(path, Some(&first)).await;
+        assert_eq!(
+            (cache.as_str(), vary.as_str()),
+            ("private, max-age=31536000, immutable", "authorization"),
+            "{path}"
+        );
     }
     let list: Value = service.get("/v1/materials?visible=public").send().await.unwrap().json().await.unwrap();
     assert_eq!(list["items"][0]["id"], json!(material));
     problem(service.request(Method::DELETE, &one), 401, "unauthorized").await;
+    // Private again: a cache that asks with the entity tag hears so.
+    let close = service.request(Method::PATCH, &one).bearer_auth(&first).json(&json!({ "visibility": "private" }));
+    assert_eq!(close.send().await.unwrap().status(), StatusCode::OK);
+    for path in kept {
+        problem(service.get(path).header("if-none-match", "*"), 404, "not-found").await;
+    }
     service.stop().await;
 }
 
