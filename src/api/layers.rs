@@ -31,13 +31,17 @@ const LOGGED_METHOD: usize = 20;
 /// it lengthens the time in which a service cannot go back to plain HTTP for them.
 const SECURE_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
-/// Refuses requests that name an unknown host. Refuses requests of web pages of other origins if they write, or if they
+/// Refuses requests whose body has a transfer coding other than `chunked`: it would arrive compressed, and be taken for
+/// the body itself. Refuses requests that name an unknown host. Refuses requests of web pages of other origins if they write, or if they
 /// use a key and the origin is not allowed. Lets pages of allowed origins read the answers.
 async fn hosts_and_origins<F: Future<Output = Response>>(
     access: &Access,
     mut request: Request,
     next: impl FnOnce(Request) -> F,
 ) -> Response {
+    if let Err(problem) = framed(request.headers()) {
+        return refuse(request, problem).await;
+    }
     let host = match access.host(&request) {
         Ok(host) => host,
         Err(problem) => return refuse(request, problem).await,
@@ -82,7 +86,8 @@ async fn hosts_and_origins<F: Future<Output = Response>>(
                 (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, HEAD, POST"),
                 (
                     header::ACCESS_CONTROL_ALLOW_HEADERS,
-                    "authorization, content-type, range, if-none-match, if-range, request-id, tus-resumable",
+                    "authorization, content-type, range, if-none-match, if-range, last-event-id, request-id, \
+                     tus-resumable",
                 ),
                 (header::ACCESS_CONTROL_MAX_AGE, "600"),
             ]
@@ -97,6 +102,20 @@ async fn hosts_and_origins<F: Future<Output = Response>>(
         headers.extend(lists.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value))));
     }
     response
+}
+
+/// Checks that the body of a request has no transfer coding but `chunked`.
+fn framed(headers: &HeaderMap) -> Result<(), Problem> {
+    let mut codings = headers.get_all(header::TRANSFER_ENCODING).iter();
+    let is_known = |value: &HeaderValue| value.as_bytes().trim_ascii().eq_ignore_ascii_case(b"chunked");
+    match (codings.next(), codings.next()) {
+        (None, _) => Ok(()),
+        (Some(coding), None) if is_known(coding) => Ok(()),
+        _ => {
+            let detail = "Transfer-Encoding: expected chunked alone; a compressed body has a Content-Encoding";
+            Err(Problem::new(Kind::BadHeader, detail))
+        }
+    }
 }
 
 /// Returns true if a web page sends a key with a request, or fetches a signed link in the background. A link that the
@@ -213,6 +232,22 @@ pub(super) fn wrong_method(method: &Method) -> Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_body_is_chunked_or_not_and_nothing_else() {
+        let is_framed = |values: &[&'static str]| {
+            let values = values.iter().map(|value| (header::TRANSFER_ENCODING, HeaderValue::from_static(value)));
+            let mut headers = HeaderMap::new();
+            for (name, value) in values {
+                headers.append(name, value);
+            }
+            framed(&headers).is_ok()
+        };
+        assert!(is_framed(&[]) && is_framed(&["chunked"]) && is_framed(&[" Chunked "]));
+        for other in [&["gzip, chunked"][..], &["gzip", "chunked"], &["chunked", "chunked"], &["identity"], &[""]] {
+            assert!(!is_framed(other), "{other:?}");
+        }
+    }
 
     #[test]
     fn ids_of_clients_are_kept_where_they_may_stand_in_a_log() {

@@ -57,6 +57,24 @@ async fn paths_and_query_strings_are_text_within_limits() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_transfer_coding_other_than_chunked_is_refused() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let post = async |coding: &str| {
+        let head = format!(
+            "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-type: application/json\r\n"
+        );
+        let words = format!("{head}transfer-encoding: {coding}\r\n\r\n2\r\n{{}}\r\n0\r\n\r\n");
+        service.talk(words.as_bytes()).await
+    };
+    let chunked = post("chunked").await;
+    assert!(chunked.starts_with("HTTP/1.1 422"), "{chunked}");
+    let other = post("gzip, chunked").await;
+    assert!(other.starts_with("HTTP/1.1 400") && other.contains("Transfer-Encoding"), "{other}");
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn bodies_are_refused_by_what_is_wrong_with_them() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;

@@ -306,6 +306,22 @@ async fn events_tell_progress_and_end_with_the_job() {
     let states: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("event: ")).collect();
     assert_eq!(states.last(), Some(&"state"), "{text}");
     assert!(text.contains("\"state\":\"cancelled\""), "{text}");
+    let ids: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("id: ")).collect();
+    assert_eq!(ids.len(), states.len(), "{text}");
+    assert!(ids.windows(2).all(|pair| pair[0] != pair[1]), "{ids:?}");
+    // A browser asks again when a stream has ended: for what has changed since, and not at all after the end.
+    let again = async |last: Option<&str>| {
+        let request = service.get(job["links"]["events"].as_str().unwrap());
+        let answer = last.map_or(request.try_clone().unwrap(), |last| request.header("last-event-id", last));
+        let answer = answer.send().await.unwrap();
+        (answer.status(), answer.text().await.unwrap())
+    };
+    assert_eq!(again(ids.last().copied()).await, (StatusCode::NO_CONTENT, String::new()));
+    for last in [None, Some("another"), Some(ids[0])] {
+        let (status, rest) = again(last).await;
+        assert_eq!((status, rest.matches("event: ").count()), (StatusCode::OK, 1), "{last:?}: {rest}");
+        assert!(rest.contains("event: state") && rest.contains("\"state\":\"cancelled\""), "{last:?}: {rest}");
+    }
     problem(service.get("/v1/jobs/0193b7a0-0000-7000-8000-000000000000/events"), 404, "not-found").await;
     let done = service.material().await;
     let material: Value = service.get(&format!("/v1/materials/{done}")).send().await.unwrap().json().await.unwrap();
