@@ -83,7 +83,7 @@ struct Outcome {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
-        let config = args.site.config();
+        let config = args.site.config().await?;
         if config.auth != AuthMode::Off {
             return Err(Failure::usage("the demonstration asks its own service without a key: leave --auth out"));
         }

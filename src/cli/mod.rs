@@ -30,6 +30,7 @@ mod jobs;
 mod key_file;
 mod keys;
 mod link;
+mod listen;
 mod log;
 mod migrate;
 mod openapi;

@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::isolate::IsolateArgs;
+use super::listen::Listen;
 use super::output::print;
 use super::runtime::{block_on, stop_signal};
 use super::settings::Settings;
@@ -9,7 +10,6 @@ use super::site::SiteArgs;
 use super::tls::TlsArgs;
 use crate::api::{AuthMode, BootstrapKey, NotAKey, ServeConfig, ServeError, Server, raise_descriptor_limit};
 use std::io::ErrorKind;
-use std::net::SocketAddr;
 
 /// Command-line options of the HTTP service, with all its limits.
 #[derive(Debug, clap::Args)]
@@ -68,9 +68,9 @@ const BOOTSTRAP_KEY: &str = "WAVELUME_BOOTSTRAP_KEY";
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Server")]
 pub(crate) struct ReachArgs {
-    /// Address to listen on; port 0 takes a free one
+    /// Address to listen on, `IP:PORT` or `NAME:PORT`; port 0 takes a free one
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
-    pub(crate) listen: SocketAddr,
+    pub(crate) listen: Listen,
     /// Further host name that requests may address, besides localhost and loopback addresses, and IP addresses where
     /// the service listens on one other than loopback; may be repeated
     #[arg(long = "name", value_name = "HOST", env = "WAVELUME_NAMES", value_delimiter = ',', hide_env_values = true)]
@@ -93,7 +93,7 @@ pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:8080";
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
-        let mut config = args.site.config();
+        let mut config = args.site.config().await?;
         config.bootstrap_key = bootstrap_key()?;
         config.tls = args.tls.files()?;
         config.work.isolate = args.isolation.program()?;
@@ -105,9 +105,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 impl Place {
-    /// The configuration of a service with the default limits.
-    pub(crate) fn config(&self) -> ServeConfig {
-        let mut config = ServeConfig::new(&self.data.places.directory, self.reach.listen);
+    /// Builds the configuration of a service with the default limits. Fails if the name of the host to listen on has no
+    /// address.
+    pub(crate) async fn config(&self) -> Result<ServeConfig, Failure> {
+        let mut config = ServeConfig::new(&self.data.places.directory, self.reach.listen.address().await?);
         config.work.site = self.data.site();
         config.names.clone_from(&self.reach.names);
         config.origins.clone_from(&self.reach.origins);
@@ -117,7 +118,7 @@ impl Place {
             Auth::KeysAndAnonymousRead => AuthMode::KeysAndAnonymousRead,
         };
         config.insecure = self.access.insecure;
-        config
+        Ok(config)
     }
 }
 

@@ -20,7 +20,8 @@ impl Service {
     pub(super) fn start_with(limits: &str, data: &str, options: &[&str], log: Stdio) -> Self {
         let mut child = Command::new("sh")
             .args(["-c", &format!("{limits}\nexec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_wavelume")])
-            .args(["serve", "--data", data, "--listen", "127.0.0.1:0"])
+            .args(["serve", "--data", data])
+            .args(["--listen", "127.0.0.1:0"].iter().filter(|_| !options.contains(&"--listen")))
             .args(options)
             // A terminal would make the service end with it.
             .stdin(Stdio::null())
@@ -74,6 +75,14 @@ fn serve_listens_is_healthy_and_drains_on_a_signal() {
     assert_eq!(service.signal("-TERM"), Some(0));
     refused(1, &["health", "--listen", &address]);
     assert_eq!(Service::start(&at(&dir, "data")).signal("-INT"), Some(0));
+    // The name of this machine, without a key because it is a loopback address.
+    let named = Service::start_with("", &at(&dir, "data"), &["--listen", "localhost:0"], Stdio::null());
+    assert!(named.address.parse::<SocketAddr>().unwrap().ip().is_loopback(), "{}", named.address);
+    let port = named.address.rsplit(':').next().unwrap().to_owned();
+    done(&["health", "--listen", &format!("localhost:{port}")]);
+    drop(named);
+    let unknown = refused(1, &["serve", "--data", &at(&dir, "data"), "--listen", "nowhere.invalid:8080"]);
+    assert!(unknown.contains("nowhere.invalid") && unknown.contains("--listen"), "{unknown}");
 }
 
 #[test]
