@@ -93,9 +93,9 @@ pub(crate) async fn authorise<F: Future<Output = Response>>(
         // A cache on the way may give an answer to others only if they may ask for it themselves, without a key.
         let for_all = response.extensions().get::<ForAll>().is_some();
         if for_all && watched.is_none() {
-            keep_short(response.headers_mut())
+            keep_short(response.headers_mut());
         } else {
-            keep_private(response.headers_mut())
+            keep_private(response.headers_mut());
         }
     }
     let is_short = response.body().size_hint().upper().is_some_and(|bytes| bytes <= SHORT);

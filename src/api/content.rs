@@ -14,8 +14,8 @@ use std::time::Duration;
 /// Media type of a material file.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 
-/// Value of the header `Cache-Control` of bytes that never change: whoever may read them may keep them for good. Answers
-/// to those without a key get another one where materials may become private again.
+/// Value of the header `Cache-Control` of bytes that never change: whoever may read them may keep them for good.
+/// Answers to those without a key get another one where materials may become private again.
 pub(crate) const FOR_GOOD: HeaderValue = HeaderValue::from_static("public, max-age=31536000, immutable");
 
 /// Number of response headers for which room is made at once. A smaller one makes the table of headers grow several

@@ -141,8 +141,8 @@ impl Decisions {
         Ok(Judged::Known(decision))
     }
 
-    /// Resolves when the key of a request under way is no longer valid, or at `end`, when the token or link made from it
-    /// expires, and returns why. A valid key counts as valid while the database does not answer.
+    /// Resolves when the key of a request under way is no longer valid, or at `end`, when the token or link made from
+    /// it expires, and returns why. A valid key counts as valid while the database does not answer.
     pub(crate) async fn lost(&self, catalog: &Catalog, key: KeyId, end: Option<Instant>) -> KeyState {
         loop {
             let next = Instant::now() + LOOK;

@@ -82,10 +82,11 @@ impl HttpBody for Expiring {
 
 /// Request body that outlives the handler which reads it, so that the rest can be discarded when the request is refused
 /// midway: most clients read the answer only after their body, and many of them would find a broken connection instead.
-pub(crate) struct Rest(Arc<Mutex<Body>>);
+pub(crate) struct Rest(Arc<Mutex<Option<Body>>>);
 
-/// Handler's side of a [`Rest`].
-struct Lent(Arc<Mutex<Body>>);
+/// Request body as its handler reads it. Once the rest is discarded, nothing follows, not even an end: a task that
+/// still reads it does not take what has come for the whole.
+struct Lent(Arc<Mutex<Option<Body>>>);
 
 impl Rest {
     /// Lends a request body to a handler. Returns `None` beside a body without bytes.
@@ -93,14 +94,15 @@ impl Rest {
         if body.is_end_stream() {
             return (None, body);
         }
-        let body = Arc::new(Mutex::new(body));
+        let body = Arc::new(Mutex::new(Some(body)));
         (Some(Self(Arc::clone(&body))), Body::new(Lent(body)))
     }
 
     /// Discards the rest of the body for at most the given time, while the answer is sent.
     pub(crate) fn discard(self, time: Duration) {
-        let body = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
-        tokio::spawn(drain(body, time));
+        if let Some(body) = self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            tokio::spawn(drain(body, time));
+        }
     }
 }
 
@@ -109,15 +111,8 @@ impl HttpBody for Lent {
     type Error = axum::Error;
 
     fn poll_frame(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        Pin::new(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner)).poll_frame(context)
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_end_stream()
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).size_hint()
+        let mut body = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        body.as_mut().map_or(Poll::Pending, |body| Pin::new(body).poll_frame(context))
     }
 }
 
@@ -141,5 +136,21 @@ mod tests {
         end.send(()).unwrap();
         assert!(cut.next().await.unwrap().is_err());
         assert!(cut.next().await.is_none());
+    }
+
+    #[tokio::test]
+    async fn the_rest_of_a_body_is_taken_from_its_reader_without_an_end() {
+        let (none, _) = Rest::of(Body::empty());
+        assert!(none.is_none());
+        let (sender, body) = tokio::io::duplex(64);
+        let (rest, lent) = Rest::of(Body::from_stream(tokio_util::io::ReaderStream::new(body)));
+        let (mut sender, mut lent) = (sender, lent.into_data_stream());
+        tokio::io::AsyncWriteExt::write_all(&mut sender, b"first").await.unwrap();
+        assert_eq!(lent.next().await.unwrap().unwrap(), "first");
+        rest.unwrap().discard(Duration::from_mins(1));
+        // More than the pipe holds: somebody reads it.
+        tokio::io::AsyncWriteExt::write_all(&mut sender, &[7; 1000]).await.unwrap();
+        drop(sender);
+        assert!(futures::poll!(lent.next()).is_pending());
     }
 }

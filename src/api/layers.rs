@@ -31,9 +31,9 @@ const LOGGED_METHOD: usize = 20;
 /// it lengthens the time in which a service cannot go back to plain HTTP for them.
 const SECURE_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
-/// Refuses requests whose body has a transfer coding other than `chunked`: it would arrive compressed, and be taken for
-/// the body itself. Refuses requests that name an unknown host. Refuses requests of web pages of other origins if they write, or if they
-/// use a key and the origin is not allowed. Lets pages of allowed origins read the answers.
+/// Refuses requests whose body has a transfer coding other than `chunked`: the compressed bytes would be taken for the
+/// body itself. Refuses requests that name an unknown host. Refuses requests of web pages of other origins if they
+/// write, or if they use a key and the origin is not allowed. Lets pages of allowed origins read the answers.
 async fn hosts_and_origins<F: Future<Output = Response>>(
     access: &Access,
     mut request: Request,

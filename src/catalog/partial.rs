@@ -233,8 +233,8 @@ impl Catalog {
     }
 
     /// Extends the reservation of an upload, which does not expire while its first bytes arrive. Returns false if
-    /// another request holds it. A reservation that ran out and that nobody has taken is taken again, so that a database
-    /// that stood still for longer than the lease does not end a long request.
+    /// another request holds it. A reservation that ran out and that nobody has taken is taken again, so that a
+    /// database that stood still for longer than the lease does not end a long request.
     pub(crate) async fn keep_partial(&self, id: &str, holder: &str, lease: Duration) -> Result<bool, CatalogError> {
         let _turn = self.turn().await;
         let kept = sqlx::query(self.sql(

@@ -32,8 +32,8 @@ impl FromStr for Listen {
 }
 
 impl Listen {
-    /// Returns the address to bind. A name with several addresses stands for the first loopback address, of IPv4 if there
-    /// is one, which clients try after one of IPv6 that refuses; without a loopback address, for the first address.
+    /// Returns the address to bind. A name with several addresses stands for the first loopback address, of IPv4 if
+    /// there is one, which clients try after one of IPv6 that refuses; without a loopback address, for the first one.
     pub(crate) async fn address(&self) -> Result<SocketAddr, Failure> {
         let (host, port) = match self {
             Self::Address(address) => return Ok(*address),

@@ -239,7 +239,7 @@ def rolling(nodes, directory, args, chance):
     check(len(addresses) == args.uploads, f"only {len(addresses)} uploads have ended")
     met = [meter for meter in meters if meter.stops]
     check(met, "no upload has met a stop")
-    # What is not of the file: heads of requests.
+    # Heads of requests are not of the file.
     twice = [max(0, meter.sent - size - (64 << 10)) / max(1, meter.stops) for meter in meters]
     for meter, bytes_twice in zip(meters, twice):
         most = TWICE if meter.stops else 0

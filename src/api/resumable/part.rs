@@ -57,7 +57,8 @@ pub(super) async fn begin(app: &App, caller: Caller, id: String, asked: Asked, b
 }
 
 /// Adds the body of a request to an upload and returns the upload afterwards. The work goes on if the client leaves, so
-/// that the bytes which arrived are kept, and the service does not end before it. It ends with the rights of the caller.
+/// that the bytes which arrived are kept, and the service does not end before it. It ends with the rights of the
+/// caller.
 pub(super) async fn append(
     app: &App,
     caller: Caller,
