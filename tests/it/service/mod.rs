@@ -257,3 +257,13 @@ pub(crate) fn long_request(id: &Value) -> Value {
 }
 
 pub(crate) const LONG_SHAPE: [usize; 3] = [16, 1024, 75];
+
+#[test]
+fn a_missing_python_of_the_tests_is_named_with_what_to_install() {
+    let servers = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/servers");
+    let run = std::process::Command::new(servers).arg("true").env("WAVELUME_PYTHON", "/nowhere/python").output();
+    let run = run.unwrap();
+    let told = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(1), "{told}");
+    assert!(told.contains("no Python /nowhere/python") && told.contains("pip install"), "{told}");
+}
