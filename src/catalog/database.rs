@@ -5,6 +5,7 @@ use super::error::CatalogError;
 use super::file::{self, check};
 use super::lock::Readiness;
 use super::place::Database;
+use super::reading::Reading;
 use super::reserve::Reserve;
 use super::result_code::is_of_disk;
 use super::schema::{Edition, edition};
@@ -36,6 +37,8 @@ pub(crate) struct Catalog {
     pub(super) readiness: Arc<Readiness>,
     /// Reserve of disk space beside a SQLite file, given up when its disk is full; `None` for a server.
     pub(super) reserve: Option<Reserve>,
+    /// Kept while the catalog is opened for reading alone; `None` if it may be written.
+    pub(super) reading: Option<Arc<Reading>>,
     /// Number of further jobs that this process may queue before it counts the waiting jobs of all processes again.
     pub(super) room: Arc<AtomicU64>,
 }
@@ -75,14 +78,22 @@ const LOCAL_WAIT: Duration = Duration::from_secs(30);
 const SERVER_WAIT: Duration = Duration::from_secs(5);
 
 impl Catalog {
-    /// Connects to the catalog's database without checking its schema. Opens at most `connections` connections at once.
+    /// Connects to the catalog's database without checking its schema, and makes a missing SQLite file. Opens at most
+    /// `connections` connections at once.
     pub(super) async fn connect(place: &Database, connections: u32) -> Result<Self, CatalogError> {
-        install_default_drivers();
+        if let Some(file) = place.file() {
+            file::make(file).await?;
+        }
+        Self::connect_to_existing(place, connections).await
+    }
+
+    /// Connects to the catalog's database without checking its schema. Opens at most `connections` connections at once.
+    pub(super) async fn connect_to_existing(place: &Database, connections: u32) -> Result<Self, CatalogError> {
         let dialect = place.dialect();
         let url = match place {
             Database::File(file) => {
                 let url = file::url(file)?;
-                check(file, &url).await?;
+                check(file, &url, dialect.prepare()).await?;
                 url
             }
             Database::Server(url) => {
@@ -122,7 +133,8 @@ impl Catalog {
         let readiness = Arc::new(Readiness::new(url));
         let (edition, turn, room) = (edition(), Arc::default(), Arc::default());
         let (tenant, reserve) = (Tenant::default(), place.file().map(|file| Reserve::beside(file, 0)));
-        Ok(Self { pool, place: place.clone(), dialect, tenant, edition, turn, readiness, reserve, room })
+        let (place, reading) = (place.clone(), None);
+        Ok(Self { pool, place, dialect, tenant, edition, turn, readiness, reserve, reading, room })
     }
 
     /// Returns the catalog as another tenant sees it: rows of others do not exist there.
@@ -159,6 +171,22 @@ impl Catalog {
     /// Returns the kind of database behind the catalog: SQLite or PostgreSQL.
     pub(crate) fn dialect(&self) -> Dialect {
         self.dialect
+    }
+
+    /// Returns true if the catalog is opened for reading alone: no row can be written.
+    pub(crate) fn is_read_only(&self) -> bool {
+        self.reading.is_some()
+    }
+
+    /// Refuses to go on if the catalog is opened for reading alone.
+    pub(crate) fn must_write(&self) -> Result<(), CatalogError> {
+        match self.place.file().filter(|_| self.is_read_only()) {
+            Some(file) => Err(CatalogError::Unusable {
+                file: file.to_owned(),
+                reason: "the file or its directory is read-only; let this user write both".to_owned(),
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Adapts an SQL statement to the kind of database in use; see [`Dialect::sql`].

@@ -13,13 +13,13 @@ pub(crate) enum Dialect {
 }
 
 /// SQL statements that set up a SQLite connection: wait for locks, use a write-ahead log (WAL), make commits durable,
-/// check foreign keys. The wait comes first, because the switch to WAL itself needs the lock.
-pub(super) const PRAGMAS: [&str; 4] = [
-    "PRAGMA busy_timeout = 20000",
-    "PRAGMA journal_mode = WAL",
-    "PRAGMA synchronous = FULL",
-    "PRAGMA foreign_keys = ON",
-];
+/// check foreign keys. None of them changes the file.
+pub(super) const PRAGMAS: [&str; 3] =
+    ["PRAGMA busy_timeout = 20000", "PRAGMA synchronous = FULL", "PRAGMA foreign_keys = ON"];
+
+/// SQL settings of a SQLite file, which keeps them: readers and the writer do not wait for each other. The wait comes
+/// first, because the switch itself needs the lock.
+pub(super) const SWITCH: [&str; 2] = ["PRAGMA busy_timeout = 20000", "PRAGMA journal_mode = WAL"];
 
 /// SQL settings of a PostgreSQL connection. Compilation is off, because short statements gain nothing from it. Sorting
 /// is discouraged, because a table without statistics would be sorted whole for one row. No statement is shared among

@@ -3,11 +3,11 @@
 use super::database::{Catalog, reach};
 use super::dialect::Dialect;
 use super::error::CatalogError;
-use super::file::{unusable, url_of_existing};
+use super::file::{look, unusable, url};
 use super::filling::COPYING;
 use super::lock::is_free;
 use super::place::Database;
-use sqlx::{AnyConnection, Connection, Executor, Row};
+use sqlx::Row;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -75,8 +75,8 @@ pub(crate) struct Server {
     pub in_use: i64,
 }
 
-/// SQL statements that set up a connection for examining a SQLite database. Unlike those of the service they leave the
-/// journal mode of the file alone.
+/// SQL statements that set up a connection for examining a SQLite database. It waits for less long than those of the
+/// service.
 const LOOK: [&str; 2] = ["PRAGMA busy_timeout = 2000", "PRAGMA synchronous = FULL"];
 
 /// SQL statements that set up a connection for examining a PostgreSQL database. The connection then refuses to write.
@@ -103,8 +103,8 @@ impl Catalog {
     pub(crate) async fn examine(place: &Database) -> Result<Examined, CatalogError> {
         let url = match place {
             Database::File(file) => {
-                let url = url_of_existing(file)?;
-                look(&url).await.map_err(|error| unusable(file, error))?;
+                let url = url(file)?;
+                look(&url, &LOOK).await.map_err(|error| unusable(file, error))?;
                 url
             }
             Database::Server(url) => {
@@ -180,17 +180,6 @@ impl Catalog {
             in_use: row.try_get(9)?,
         })
     }
-}
-
-/// Reads the SQLite file once without a pool, which would hide a fault for long.
-async fn look(url: &str) -> Result<(), sqlx::Error> {
-    sqlx::any::install_default_drivers();
-    let mut connection = AnyConnection::connect(url).await?;
-    for statement in LOOK {
-        connection.execute(statement).await?;
-    }
-    connection.execute("SELECT COUNT(*) FROM sqlite_master").await?;
-    connection.close().await
 }
 
 fn here() -> i64 {

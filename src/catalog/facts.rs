@@ -53,17 +53,17 @@ impl Catalog {
     }
 
     /// Returns the id of the original if this catalog was copied to another database. Only PostgreSQL tells its
-    /// databases apart; the file of a SQLite catalog may be moved freely.
-    pub(crate) async fn copied_from(&self) -> Result<Option<String>, CatalogError> {
+    /// databases apart; the file of a SQLite catalog may be moved freely. With `may_note` a new catalog notes where it
+    /// is.
+    pub(crate) async fn copied_from(&self, may_note: bool) -> Result<Option<String>, CatalogError> {
         let Some(here) = self.here().await? else { return Ok(None) };
         match self.fact("home").await? {
-            Some(home) if home == here => Ok(None),
-            Some(_) => Ok(Some(self.instance().await?)),
-            None => {
-                self.state("home", here, false).await?;
-                Ok(None)
-            }
+            Some(home) if home == here => return Ok(None),
+            Some(_) => return Ok(Some(self.instance().await?)),
+            None if may_note => self.state("home", here, false).await?,
+            None => {}
         }
+        Ok(None)
     }
 
     /// Returns true if this catalog was copied to another database. Unlike [`Self::copied_from`] it writes nothing.

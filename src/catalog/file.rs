@@ -1,10 +1,14 @@
 //! File of the catalog: its URL, a check before it is opened for good, and advice on its faults.
 
-use super::dialect::PRAGMAS;
+use super::dialect::SWITCH;
 use super::error::CatalogError;
 use super::lock::PAUSE;
 use super::result_code::{BUSY, CANNOT_OPEN, CORRUPT, FULL, NOT_A_DATABASE, READ_ONLY, is_full, primary};
+use crate::store::give;
+use sqlx::any::install_default_drivers;
 use sqlx::{AnyConnection, Connection, Executor};
+use std::fs::File;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
@@ -16,14 +20,33 @@ pub(super) fn log_of(file: &Path) -> PathBuf {
     log.into()
 }
 
-/// Returns the SQLite URL of `file`, with the path percent-encoded. The file is created if it is missing.
+/// Returns the SQLite URL of `file`, with the path percent-encoded. A missing file is an error when it is opened.
 pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
-    encoded(file).map(|path| format!("sqlite:{path}?mode=rwc"))
+    encoded(file).map(|path| format!("sqlite:{path}?mode=rw"))
 }
 
-/// Returns the SQLite URL of `file`, with the path percent-encoded. A missing file is an error when it is opened.
-pub(super) fn url_of_existing(file: &Path) -> Result<String, CatalogError> {
-    encoded(file).map(|path| format!("sqlite:{path}?mode=rw"))
+/// Returns the SQLite URL for reading `file` alone, with the path percent-encoded.
+pub(super) fn url_to_read(file: &Path) -> Result<String, CatalogError> {
+    encoded(file).map(|path| format!("sqlite:{path}?mode=ro"))
+}
+
+/// Makes an empty SQLite file if it is missing, and lets readers not wait for the writer. Made by root in the directory
+/// of another user, it belongs to that user, and so do the files that SQLite makes beside it.
+pub(super) async fn make(file: &Path) -> Result<(), CatalogError> {
+    let made = match File::create_new(file) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
+        made => made.and_then(|made| give(&made, directory_of(file))),
+    };
+    made.map_err(|error| CatalogError::Unusable {
+        file: file.to_owned(),
+        reason: format!("the file cannot be opened; let this user write to its directory ({error})"),
+    })?;
+    check(file, &url(file)?, &SWITCH).await
+}
+
+/// Returns the directory of a SQLite file, in which SQLite makes further files.
+pub(super) fn directory_of(file: &Path) -> &Path {
+    file.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn encoded(file: &Path) -> Result<String, CatalogError> {
@@ -43,10 +66,11 @@ fn encoded(file: &Path) -> Result<String, CatalogError> {
 
 /// Opens and reads the SQLite file without a connection pool, whose retries would hide a fault for 30 s. The error
 /// names the fault and what to do about it.
-pub(super) async fn check(file: &Path, url: &str) -> Result<(), CatalogError> {
+/// `statements` set up the connection.
+pub(super) async fn check(file: &Path, url: &str, statements: &'static [&'static str]) -> Result<(), CatalogError> {
     let start = Instant::now();
     // Another process that starts now may hold the lock briefly, and SQLite does not wait for it here.
-    while let Err(error) = look(url).await {
+    while let Err(error) = look(url, statements).await {
         if primary(&error) != Some(BUSY) || is_hopeless(&error, start) {
             return Err(unusable(file, error));
         }
@@ -55,10 +79,12 @@ pub(super) async fn check(file: &Path, url: &str) -> Result<(), CatalogError> {
     Ok(())
 }
 
-async fn look(url: &str) -> Result<(), sqlx::Error> {
+/// Reads a SQLite file once, on a connection that `statements` set up.
+pub(super) async fn look(url: &str, statements: &'static [&'static str]) -> Result<(), sqlx::Error> {
+    install_default_drivers();
     let mut connection = AnyConnection::connect(url).await?;
-    for pragma in PRAGMAS {
-        connection.execute(pragma).await?;
+    for statement in statements {
+        connection.execute(*statement).await?;
     }
     connection.execute("SELECT COUNT(*) FROM sqlite_master").await?;
     connection.close().await

@@ -4,13 +4,16 @@ use super::database::Catalog;
 use super::dialect::Dialect;
 use super::error::CatalogError;
 use super::examine::is_bytewise;
-use super::file::{is_hopeless, unusable, url};
+use super::file::{directory_of, is_hopeless, unusable, url};
 use super::indexes;
 use super::place::Database;
+use super::reading::{may_write, readable};
 use super::schema::{REBUILD, TUNING};
+use crate::store::give;
 use sqlx::migrate::MigrateError;
 use sqlx::{AnyConnection, Connection, Executor, Row};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Upper bound on the database connections of a maintenance command. Raising it lets more statements run at once.
@@ -66,7 +69,7 @@ impl Catalog {
         connections: u32,
         patience: Duration,
     ) -> Result<Self, CatalogError> {
-        let catalog = Self::connect(place, connections).await?;
+        let catalog = Self::connect_to_existing(place, connections).await?;
         let (start, mut said) = (Instant::now(), false);
         loop {
             match catalog.check_schema().await {
@@ -88,6 +91,21 @@ impl Catalog {
     /// Opens a catalog for a maintenance command, without changing its schema.
     pub(crate) async fn open_few(place: &Database) -> Result<Self, CatalogError> {
         Self::open_as_is(place, FEW, Duration::ZERO).await
+    }
+
+    /// Opens an existing catalog for a maintenance command, without changing its schema. A SQLite file that this user
+    /// may not write is opened for reading alone.
+    pub(crate) async fn open_existing(place: &Database) -> Result<Self, CatalogError> {
+        match place {
+            Database::File(file) if file.exists() && !may_write(file) => {
+                let (url, reading) = readable(file).await?;
+                let mut catalog = Self::pooled(place, url, FEW, Dialect::Sqlite.prepare()).await?;
+                catalog.reading = Some(Arc::new(reading));
+                catalog.check_schema().await?;
+                Ok(catalog)
+            }
+            _ => Self::open_few(place).await,
+        }
     }
 
     /// Opens a catalog that a copy is to fill. A database without any table gets the schema, and so does one where an
@@ -265,7 +283,8 @@ async fn keep_copy(file: &Path) -> Result<(), CatalogError> {
         std::fs::remove_file(&partial).map_err(io)?;
         return Err(unfit(format!("the catalog is damaged ({sound}); restore it from a backup before it is migrated")));
     }
-    std::fs::File::open(&partial).and_then(|copy| copy.sync_all()).map_err(io)?;
+    let copy = std::fs::File::open(&partial).map_err(io)?;
+    give(&copy, directory_of(file)).and_then(|()| copy.sync_all()).map_err(io)?;
     std::fs::rename(&partial, &kept).map_err(io)?;
     tracing::info!(copy = %kept.display(), "the catalog was copied before its tables are made anew");
     Ok(())
@@ -295,6 +314,11 @@ mod tests {
     #[tokio::test]
     async fn a_command_that_only_looks_does_not_change_the_schema() {
         for (place, _guard) in testing::places().await {
+            if let Some(file) = place.file() {
+                let missing = Catalog::open_few(&place).await.unwrap_err();
+                assert!(matches!(missing, CatalogError::Unusable { .. }) && !file.exists(), "{missing}");
+                std::fs::write(file, b"").unwrap();
+            }
             let error = Catalog::open_few(&place).await.unwrap_err().to_string();
             assert!(error.contains("empty database") && error.contains("run `wavelume migrate`"), "{error}");
             let (catalog, _) = Catalog::migrate(&place, false).await.unwrap();

@@ -41,6 +41,7 @@ mod queue;
 #[cfg(test)]
 mod race_tests;
 mod ranks;
+mod reading;
 mod ready;
 mod reserve;
 mod result_code;
@@ -51,6 +52,7 @@ mod snapshot;
 #[cfg(test)]
 mod tenant_tests;
 mod tenants;
+mod trusted;
 mod uploaded;
 mod usage;
 mod watch;
@@ -82,6 +84,7 @@ pub(crate) use schema::{Edition, PROGRAM};
 pub(crate) use sight::{Opened, Opening, Sight, Visible};
 pub(crate) use snapshot::TABLES;
 pub(crate) use tenants::{Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
+pub(crate) use trusted::{Counted, Doubt};
 pub(crate) use uploaded::Uploaded;
 pub(crate) use usage::{Limited, OverQuota};
 pub(crate) use watch::Notice;

@@ -1,11 +1,10 @@
 //! `wavelume backup`: copies the catalog and the stored bytes of a running service to another place.
 
 use super::failure::Failure;
-use super::fsck::look_after;
 use super::output::{count, print, print_json};
 use super::runtime::block_on;
 use super::site::SiteArgs;
-use crate::jobs::{Place, Tally};
+use crate::jobs::{Archive, Place, Tally};
 use serde::Serialize;
 
 #[derive(Debug, clap::Args)]
@@ -25,7 +24,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let report = block_on(async {
-        let archive = look_after(&args.site).await?;
+        let archive = Archive::look_after(&args.site.site()).await.map_err(Failure::failed)?;
         archive.backup(&args.dest, args.check).await.map_err(Failure::failed)
     })?;
     show(&report, &report.files, report.rows, "", args.json)

@@ -31,7 +31,7 @@ fn part(text: &str) -> Result<f64, String> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let check = Check { sample: args.sample, repair: args.repair };
     let report = block_on(async {
-        let archive = look_after(&args.site).await?;
+        let archive = Archive::look_after(&args.site.site()).await.map_err(Failure::failed)?;
         archive.check_within(check).await.map_err(Failure::failed)
     })?;
     if args.json {
@@ -59,14 +59,4 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         1 => Err(Failure::failed("1 fault found")),
         n => Err(Failure::failed(format!("{n} faults found"))),
     }
-}
-
-/// Opens the database and the store of a service for a maintenance command. A missing data directory is an error,
-/// because it is most likely a typing mistake.
-pub(crate) async fn look_after(site: &SiteArgs) -> Result<Archive, Failure> {
-    let site = site.site();
-    if site.database.is_none() && !site.data.is_dir() {
-        return Err(Failure::failed("no such data directory").about(&site.data));
-    }
-    Archive::look_after(&site).await.map_err(Failure::failed)
 }

@@ -1,7 +1,6 @@
 //! `wavelume gc`: removes bytes that no row names, old jobs and abandoned staging files.
 
 use super::failure::Failure;
-use super::fsck::look_after;
 use super::output::{count, print, print_json};
 use super::runtime::block_on;
 use super::settings::KeepSettings;
@@ -18,6 +17,10 @@ pub(crate) struct Args {
     /// them gets an error
     #[arg(long)]
     now: bool,
+    /// Take the clock of the database for right, also in running services, although it seems to have jumped by more
+    /// than a day
+    #[arg(long)]
+    trust_clock: bool,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
@@ -29,7 +32,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         args.settings.apply(&mut config);
         // The command is the way out of a full disk.
         Archive::make_room(&args.site.site(), config.limits.disk_reserve);
-        let archive = look_after(&args.site).await?.keeping(config.limits.disk_reserve);
+        let archive = Archive::look_after(&args.site.site()).await.map_err(Failure::failed)?;
+        archive.must_write().map_err(Failure::failed)?;
+        let archive = archive.keeping(config.limits.disk_reserve);
+        if args.trust_clock {
+            archive.vouch_for_clock().await.map_err(Failure::failed)?;
+        } else {
+            archive.check_clock().await.map_err(Failure::failed)?;
+        }
         archive.sweep_with(&config.limits, args.now).await.map_err(Failure::failed)
     })?;
     if args.json {

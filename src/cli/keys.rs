@@ -8,7 +8,7 @@ use super::site::PlaceArgs;
 use crate::api::{AccessKey, MadeKey};
 use crate::catalog::{Act, AddedKey, Catalog, NewKey, Revoked};
 use crate::jobs::date;
-use crate::jobs::{Archive, Unit, WorkConfig, check_text};
+use crate::jobs::{Archive, Unit, Use, WorkConfig, check_text};
 use crate::trust::{Key, KeyId, Scopes, Signer, Tenant};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -114,8 +114,7 @@ async fn create(args: &Create) -> Result<(), Failure> {
     if let Some(name) = &args.name {
         check_text("name", name).map_err(|reason| Failure::usage(format!("--name: {reason}")))?;
     }
-    let site = args.places.site();
-    let catalog = Archive::open_catalog(&site, true).await.map_err(Failure::failed)?;
+    let catalog = open(&args.places, Use::Make).await?;
     let key = new_key()?;
     let verifier = Signer::of(&key).and_then(|signer| signer.verifier()).map_err(Failure::failed)?;
     let new = NewKey {
@@ -159,7 +158,7 @@ async fn create(args: &Create) -> Result<(), Failure> {
 }
 
 async fn list(args: &List) -> Result<(), Failure> {
-    let catalog = open(&args.places).await?;
+    let catalog = open(&args.places, Use::Read).await?;
     let (mut keys, mut after) = (Vec::new(), None);
     loop {
         let page = catalog.keys(args.tenant.as_ref(), after, PAGE).await.map_err(Failure::failed)?;
@@ -195,7 +194,7 @@ async fn list(args: &List) -> Result<(), Failure> {
 }
 
 async fn revoke(args: &Revoke) -> Result<(), Failure> {
-    let catalog = open(&args.places).await?;
+    let catalog = open(&args.places, Use::Change).await?;
     let mut unknown = Vec::new();
     for id in &args.keys {
         let revoked = catalog.revoke_key(*id, None, &act(None, "key.revoke", *id)).await.map_err(Failure::failed)?;
@@ -213,13 +212,9 @@ async fn revoke(args: &Revoke) -> Result<(), Failure> {
     }
 }
 
-/// Opens the catalog of a service. A missing data directory is an error, because it is most likely a typing mistake.
-async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
-    let site = places.site();
-    if site.database.is_none() && !site.data.is_dir() {
-        return Err(Failure::failed("no such data directory").about(&site.data));
-    }
-    Archive::open_catalog(&site, false).await.map_err(Failure::failed)
+/// Opens the catalog of a service.
+async fn open(places: &PlaceArgs, purpose: Use) -> Result<Catalog, Failure> {
+    Archive::open_catalog(&places.site(), purpose).await.map_err(Failure::failed)
 }
 
 fn act(tenant: Option<Tenant>, action: &'static str, id: KeyId) -> Act {

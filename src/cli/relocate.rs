@@ -31,11 +31,6 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    if let Some(data) = &args.from_data
-        && !data.is_dir()
-    {
-        return Err(Failure::failed("no such data directory").about(data));
-    }
     let to = args.places.site();
     let from = Site {
         // Staged files are the only thing that lies there.

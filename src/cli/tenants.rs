@@ -6,7 +6,7 @@ use super::runtime::block_on;
 use super::site::PlaceArgs;
 use crate::api::About;
 use crate::catalog::{Act, Catalog, Limit, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
-use crate::jobs::{Archive, check_text};
+use crate::jobs::{Archive, Use, check_text};
 use crate::trust::Tenant;
 
 /// Action on the tenants of a service.
@@ -136,14 +136,14 @@ impl Change {
 
 async fn create(args: &Named) -> Result<(), Failure> {
     let change = args.change.read()?;
-    let catalog = Archive::open_catalog(&args.places.site(), true).await.map_err(Failure::failed)?;
+    let catalog = open(&args.places, Use::Make).await?;
     let settled = catalog.create_tenant(&args.tenant, &change).await.map_err(Failure::failed)?;
     catalog.close().await;
     tell(&args.tenant, settled)
 }
 
 async fn change_tenant(places: &PlaceArgs, tenant: &Tenant, change: TenantChange) -> Result<(), Failure> {
-    let catalog = open(places).await?;
+    let catalog = open(places, Use::Change).await?;
     let settled = catalog.change_tenant(tenant, &change).await.map_err(Failure::failed)?;
     if matches!(settled, Settled::Row(_)) {
         let (owner, subject) = (Some(tenant.clone()), Some(tenant.to_string()));
@@ -165,7 +165,7 @@ fn tell(tenant: &Tenant, settled: Settled) -> Result<(), Failure> {
 }
 
 async fn list(args: &List) -> Result<(), Failure> {
-    let catalog = open(&args.places).await?;
+    let catalog = open(&args.places, Use::Read).await?;
     let tenants = catalog.tenants().await.map_err(Failure::failed)?;
     catalog.close().await;
     if args.json {
@@ -191,13 +191,9 @@ fn table(tenants: &[TenantRow]) -> String {
     table.render()
 }
 
-/// Opens the catalog of a service. A missing data directory is an error, because it is most likely a typing mistake.
-async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
-    let site = places.site();
-    if site.database.is_none() && !site.data.is_dir() {
-        return Err(Failure::failed("no such data directory").about(&site.data));
-    }
-    Archive::open_catalog(&site, false).await.map_err(Failure::failed)
+/// Opens the catalog of a service.
+async fn open(places: &PlaceArgs, purpose: Use) -> Result<Catalog, Failure> {
+    Archive::open_catalog(&places.site(), purpose).await.map_err(Failure::failed)
 }
 
 #[cfg(test)]

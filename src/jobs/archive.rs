@@ -37,9 +37,18 @@ pub enum ArchiveError {
         /// Error of the operating system when the directory was used.
         source: std::io::Error,
     },
+    /// There is no service at the given place.
+    #[error("{0}")]
+    Absent(String),
     /// The store of files belongs to another catalog (database), or this catalog is a copy of another one.
     #[error("the store and the catalog do not belong together: {0}")]
     Belongs(String),
+    /// The clock by which ages are told cannot be believed.
+    #[error(
+        "the clock may be wrong, so nothing is removed: {0}; set it right, or say that it is right with `wavelume gc \
+         --trust-clock`"
+    )]
+    Clock(String),
     /// A backup, a restore or a move was refused, or could not end.
     #[error("{0}")]
     Copy(String),
@@ -96,27 +105,6 @@ impl Archive {
         Self::with(site, root, database, catalog).await
     }
 
-    /// Opens the catalog and store for a maintenance command, without changing the catalog's schema.
-    pub async fn look_after(site: &Site) -> Result<Self, ArchiveError> {
-        let root = directory(site)?;
-        let database = site.database(&root);
-        let catalog = Catalog::open_few(&database).await?;
-        refuse_begun(&catalog, &database).await?;
-        Self::with(site, root, database, catalog).await
-    }
-
-    /// Opens the catalog alone, for a command that runs beside services. With `may_make`, an SQLite catalog is made or
-    /// brought up to date, as a starting service does.
-    pub(crate) async fn open_catalog(site: &Site, may_make: bool) -> Result<Catalog, ArchiveError> {
-        let (_, database) = Self::places_of(site)?;
-        let catalog = match database.dialect() {
-            Dialect::Sqlite if may_make => Catalog::migrate(&database, false).await?.0,
-            Dialect::Sqlite | Dialect::Postgres => Catalog::open_few(&database).await?,
-        };
-        refuse_begun(&catalog, &database).await?;
-        Ok(catalog)
-    }
-
     /// Brings the catalog's schema up to date, and returns the number of migrations applied. `has_backup` confirms that
     /// a PostgreSQL database was backed up, which a migration that cannot be undone requires.
     pub async fn migrate(site: &Site, has_backup: bool) -> Result<usize, ArchiveError> {
@@ -150,13 +138,13 @@ impl Archive {
             std::fs::create_dir_all(directory)
                 .map_err(|source| ArchiveError::Directory { directory: directory.clone(), source })?;
         }
-        let (store, staging) = match place.open(&root) {
+        let opened = match place.open(&root) {
             Ok(opened) => opened,
             Err(StoreError::Io(source)) => return Err(ArchiveError::Directory { directory: root, source }),
             Err(other) => return Err(other.into()),
         };
-        let archive = Self { data: root, store, staging, catalog, database, place, seen: Arc::default() };
-        archive.claim(site.adopt.as_deref()).await?;
+        let archive = Self::of_parts(root, opened, catalog, database, place);
+        archive.claim(site.adopt.as_deref(), true).await?;
         Ok(archive)
     }
 
@@ -202,6 +190,17 @@ impl Archive {
         places.into_iter().filter_map(|(name, place)| Some((name, Disk::of(place?).ok()?))).collect()
     }
 
+    /// Puts the opened parts of a service together: data directory, store and folder for temporary files, and catalog.
+    pub(super) fn of_parts(
+        data: PathBuf,
+        (store, staging): (Arc<dyn Store>, Staging),
+        catalog: Catalog,
+        database: Database,
+        place: Place,
+    ) -> Self {
+        Self { data, store, staging, catalog, database, place, seen: Arc::default() }
+    }
+
     /// Returns the archive as the given tenant sees it: rows and stored bytes of others do not exist there.
     pub(crate) fn of(&self, tenant: &Tenant) -> Self {
         Self { catalog: self.catalog.of(tenant), ..self.clone() }
@@ -212,8 +211,9 @@ impl Archive {
         (&self.database, &self.place)
     }
 
-    /// Makes the store belong to this catalog, if it belongs to no catalog or to the one with the id `adopt`.
-    async fn claim(&self, adopt: Option<&str>) -> Result<(), ArchiveError> {
+    /// Makes the store belong to this catalog, if it belongs to the one with the id `adopt`, or to none and
+    /// `may_begin`. Otherwise checks that both belong together, or that neither was used yet.
+    pub(super) async fn claim(&self, adopt: Option<&str>, may_begin: bool) -> Result<(), ArchiveError> {
         if self.store.note(BACKUP).await?.is_some() {
             return Err(ArchiveError::Belongs(format!(
                 "{} holds a backup: give another --store, and fill it with `wavelume restore {}`",
@@ -222,14 +222,18 @@ impl Archive {
         }
         let found = self.store.note(INSTANCE).await?;
         if adopt.is_some() && found.as_deref() == adopt {
+            self.catalog.must_write()?;
             let id = self.catalog.rename_instance().await?;
             tracing::warn!(store = %self.place, id, adopted = adopt, "the store was taken over");
         } else {
-            if let Some(moved) = self.catalog.copied_from().await? {
+            if let Some(moved) = self.catalog.copied_from(may_begin).await? {
                 return Err(self.is_copy(&moved, found.as_deref()));
             }
             if found.is_some() || self.catalog.has_claimed_store().await? {
                 return self.belongs().await;
+            }
+            if !may_begin {
+                return Ok(());
             }
         }
         self.store.set_note(INSTANCE, self.catalog.instance().await?).await?;
@@ -299,7 +303,7 @@ fn lacks_id(place: &Place, database: &Database, ours: &str) -> ArchiveError {
 }
 
 /// Refuses a catalog that a restore or a move has begun to fill.
-async fn refuse_begun(catalog: &Catalog, database: &Database) -> Result<(), ArchiveError> {
+pub(super) async fn refuse_begun(catalog: &Catalog, database: &Database) -> Result<(), ArchiveError> {
     match catalog.copying().await? {
         None => Ok(()),
         Some(original) => Err(ArchiveError::Copy(format!(

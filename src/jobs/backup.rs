@@ -7,13 +7,15 @@ use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Dump, Table, blocking};
 use super::fetch::{AT_ONCE, Lost, Stored, Tally, UNREADABLE, fetch_or_lose, stored};
 use crate::catalog::Catalog;
-use crate::store::{Digest, Object, Place, Staging, Store, StoreExt};
+use crate::store::{Digest, Object, Place, Staging, Store, StoreError, StoreExt};
 use futures::{StreamExt, TryStreamExt};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use tempfile::TempDir;
 use tokio_util::task::AbortOnDropHandle;
 
 /// Version of the format in which backups are written.
@@ -112,10 +114,15 @@ impl Archive {
     /// left there are not copied again; if `check`, their digests are computed again.
     pub(crate) async fn backup(&self, to: &Place, check: bool) -> Result<BackupReport, ArchiveError> {
         if let Place::Directory(directory) = to {
+            self.refuse_own(directory)?;
             std::fs::create_dir_all(directory)
                 .map_err(|source| ArchiveError::Directory { directory: directory.clone(), source })?;
         }
-        let (store, staging) = to.open(&self.data)?;
+        let scratch = match to {
+            Place::Directory(_) => None,
+            Place::S3 { .. } => self.scratch()?,
+        };
+        let (store, staging) = to.open(scratch.as_ref().map_or(&self.data, |made| made.path()))?;
         if let Some(id) = store.note(INSTANCE).await? {
             return Err(ArchiveError::Copy(format!(
                 "{to} is the store of the catalog {id}: choose another place for the backup"
@@ -124,9 +131,10 @@ impl Archive {
         let before = manifest(&store, to).await?;
         if let Place::Directory(_) = to {
             let swept = staging.clone();
-            blocking(move || swept.sweep(STALE)).await?;
+            blocking(move || swept.sweep(STALE, |_| None)).await?;
         }
-        let hold = Hold::begin(&self.catalog).await?;
+        // Without the right to write no deletion is held up; bytes that go meanwhile are reported as missing.
+        let hold = if self.catalog.is_read_only() { None } else { Some(Hold::begin(&self.catalog).await?) };
         let made_ms = self.catalog.time().await?;
         let schema = self.catalog.version().await?;
         let dump = Dump::of(&self.catalog, &staging).await?;
@@ -135,7 +143,9 @@ impl Archive {
             store.publish(staged, &kept(table.digest)).await?;
         }
         let files = self.copy_blobs(&dump, &store, &staging, check).await?;
-        hold.end(&files.lost).await?;
+        if let Some(hold) = hold {
+            hold.end(&files.lost).await?;
+        }
         let manifest = Manifest {
             form: FORM,
             id: uuid::Uuid::now_v7().to_string(),
@@ -161,6 +171,45 @@ impl Archive {
             outcome?;
         }
         Ok(BackupReport { rows: dump.rows(), files })
+    }
+
+    /// Refuses a backup into the data directory, or into the directory of the store: it would be lost together with the
+    /// original, and its files would be taken for those of the service.
+    fn refuse_own(&self, directory: &Path) -> Result<(), ArchiveError> {
+        let absolute = std::path::absolute(directory)
+            .map_err(|source| ArchiveError::Directory { directory: directory.to_owned(), source })?;
+        let mut to = PathBuf::new();
+        for part in absolute.components() {
+            if part == Component::ParentDir {
+                to.pop();
+            } else {
+                to.push(part);
+                // An existing part may be a link.
+                to = to.canonicalize().unwrap_or(to);
+            }
+        }
+        let (_, store) = self.places();
+        let store = match store {
+            Place::Directory(store) => store.canonicalize().ok(),
+            Place::S3 { .. } => None,
+        };
+        match [Some(&self.data), store.as_ref()].into_iter().flatten().find(|own| to.starts_with(own)) {
+            None => Ok(()),
+            Some(own) => Err(ArchiveError::Copy(format!(
+                "{} lies in {}, which the backup is to copy: choose a place outside, best on another disk",
+                to.display(),
+                own.display()
+            ))),
+        }
+    }
+
+    /// Returns a directory for temporary files on their way to an S3 bucket: a new one of the system if those of the
+    /// data directory cannot be written, otherwise `None`.
+    fn scratch(&self) -> Result<Option<TempDir>, ArchiveError> {
+        if tempfile::tempfile_in(self.data.join("staging")).is_ok() {
+            return Ok(None);
+        }
+        Ok(Some(tempfile::Builder::new().prefix("wavelume-").tempdir().map_err(StoreError::Io)?))
     }
 
     async fn copy_blobs(

@@ -185,7 +185,9 @@ impl Archive {
         };
         if fault.damage().is_some() {
             self.belongs().await?;
-            self.catalog.suspect(&blob.object).await?;
+            if !self.catalog.is_read_only() {
+                self.catalog.suspect(&blob.object).await?;
+            }
         }
         Err(fault.into())
     }

@@ -70,9 +70,10 @@ impl Engine {
     pub(crate) async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
         let limits = config.limits.clone();
         Archive::make_room(&config.site, limits.disk_reserve);
-        let archive = Archive::serve(&config.site).await?.keeping(limits.disk_reserve);
+        let mut archive = Archive::serve(&config.site).await?.keeping(limits.disk_reserve);
         let presence = Presence::enter(&archive.data.join(WORKERS))
             .map_err(|source| ArchiveError::Directory { directory: archive.data.clone(), source })?;
+        archive.staging = archive.staging.owned_by(presence.id());
         let workers = config.workers.max(1);
         let opened = moka::future::Cache::builder()
             .max_capacity(limits.opened_bytes / 1024)

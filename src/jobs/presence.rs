@@ -24,6 +24,7 @@ impl Presence {
     /// Creates and locks the file in `directory` that shows that this worker is alive. Blocks on disk access.
     pub(crate) fn enter(directory: &Path) -> io::Result<Self> {
         fs::create_dir_all(directory)?;
+        // No dot: names of temporary files are the id of their worker, a dot and a name.
         let id = format!("{}-{}", boot(), uuid::Uuid::now_v7().simple());
         // Locked before it gets its name, so that nobody sees it unlocked while its process lives.
         let hidden = directory.join(format!(".{id}"));
@@ -89,8 +90,21 @@ pub(super) fn living(directory: &Path) -> io::Result<usize> {
     Ok(living)
 }
 
+/// Returns true if the worker with an id runs, and false if it was killed; `None` if this cannot be told: it ran on
+/// another host, or has ended well. `directory` is the folder of lock files. Blocks on disk access.
+pub(super) fn is_alive(directory: &Path, id: &str) -> Option<bool> {
+    if !id.starts_with(&boot()) {
+        return None;
+    }
+    match File::open(directory.join(id)).ok()?.try_lock() {
+        Ok(()) => Some(false),
+        Err(TryLockError::WouldBlock) => Some(true),
+        Err(TryLockError::Error(_)) => None,
+    }
+}
+
 /// Returns a text that differs between hosts, and between starts of a host.
-fn boot() -> String {
+pub(super) fn boot() -> String {
     let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     id.chars().filter(char::is_ascii_hexdigit).collect()
 }
@@ -112,7 +126,15 @@ mod tests {
         let killed = format!("{}-killed", boot());
         fs::write(directory.path().join(&killed), b"").unwrap();
         fs::write(directory.path().join("another host's"), b"").unwrap();
-        assert_eq!(a.gone().unwrap(), [killed]);
+        assert_eq!(a.gone().unwrap(), [killed.clone()]);
+        for (id, expected) in [
+            (a.id(), Some(true)),
+            (killed.as_str(), Some(false)),
+            ("another host's", None),
+            (&format!("{}-ended", boot()), None),
+        ] {
+            assert_eq!(is_alive(directory.path(), id), expected, "{id}");
+        }
         assert_eq!(living(directory.path()).unwrap(), 2);
         assert_eq!(living(&directory.path().join("nothing")).unwrap(), 0);
         b.forget(&a.gone().unwrap());

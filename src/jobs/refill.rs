@@ -9,7 +9,7 @@ use super::fetch::{AT_ONCE, Lost, Stored, Tally, fetch_or_lose, stored};
 use super::presence::{WORKERS, living};
 use super::site::Site;
 use crate::catalog::{Catalog, Filling, TABLES};
-use crate::store::{Digest, FOLDER, Object, Place, Store};
+use crate::store::{Digest, FOLDER, Object, Place, Store, StoreError, give_all};
 use crate::trust::Tenant;
 use futures::{StreamExt, TryStreamExt};
 use serde::Serialize;
@@ -76,6 +76,16 @@ impl Archive {
             }
         }
         Self::with(&Site { adopt: None, ..site.clone() }, root, database, catalog).await
+    }
+
+    /// Lets the owner of the data directory, and that of the directory of the store, have what root has copied there.
+    pub(super) async fn give_away(&self) -> Result<(), ArchiveError> {
+        let store = match self.places().1 {
+            Place::Directory(store) if *store != self.data => Some(store.clone()),
+            _ => None,
+        };
+        let directories = std::iter::once(self.data.clone()).chain(store);
+        Ok(blocking(move || directories.into_iter().try_for_each(|own| give_all(&own)).map_err(StoreError::Io)).await?)
     }
 
     /// Copies the stored bytes that a copied catalog names, apart from those that are here already.

@@ -37,6 +37,7 @@ impl Archive {
             }
             hold.end(&sum.lost).await?;
             archive.fill_rows(&dump, &sum.lost).await?;
+            archive.give_away().await?;
             return Ok(CopyReport { instance: archive.catalog.instance().await?, rows: dump.rows(), files: sum });
         }
         hold.end(&[]).await?;

@@ -7,7 +7,7 @@ use super::fetch::fetch;
 use super::refill::{CopyReport, Origin};
 use super::site::Site;
 use crate::catalog::{SCHEMA, TABLES};
-use crate::store::{Place, Staging, StoreError};
+use crate::store::{Place, Staging, StoreError, give};
 
 impl Archive {
     /// Fills an empty service with the newest backup in `from`, which is only read. A killed restore is started again
@@ -57,6 +57,7 @@ impl Archive {
             )));
         }
         archive.fill_rows(&dump, &files.lost).await?;
+        archive.give_away().await?;
         Ok(CopyReport { instance: archive.catalog.instance().await?, rows: dump.rows(), files })
     }
 }
@@ -65,9 +66,11 @@ impl Archive {
 async fn scratch(site: &Site) -> Result<Staging, ArchiveError> {
     let (root, _) = Archive::places_of(site)?;
     let directory = root.join("staging");
-    std::fs::create_dir_all(&directory).map_err(|source| ArchiveError::Directory { directory: root, source })?;
+    std::fs::create_dir_all(&directory)
+        .and_then(|()| give(&std::fs::File::open(&directory)?, &root))
+        .map_err(|source| ArchiveError::Directory { directory: root, source })?;
     let staging = Staging::new(directory);
     let swept = staging.clone();
-    blocking(move || swept.sweep(STALE)).await?;
+    blocking(move || swept.sweep(STALE, |_| None)).await?;
     Ok(staging)
 }

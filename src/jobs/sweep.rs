@@ -2,6 +2,8 @@
 
 use super::archive::{Archive, ArchiveError};
 use super::config::Limits;
+use super::dump::blocking;
+use super::presence::{WORKERS, is_alive};
 use crate::catalog::{Doom, Retention};
 use crate::store::{Object, StoreError};
 use serde::Serialize;
@@ -79,9 +81,7 @@ impl Archive {
         limits: &Limits,
         stopped: &(dyn Fn() -> bool + Sync),
     ) -> Result<SweepReport, ArchiveError> {
-        let (staging, stale) = (self.staging.clone(), limits.stale);
-        let removed_staging =
-            tokio::task::spawn_blocking(move || staging.sweep(stale)).await.map_err(|e| StoreError::Io(e.into()))??;
+        let removed_staging = self.sweep_staging(limits.stale).await?;
         let ages = Retention {
             succeeded: limits.keep_succeeded,
             failed: limits.keep_failed,
@@ -104,6 +104,13 @@ impl Archive {
             tracing::error!(%error, "the bytes and materials of tenants were not counted");
         }
         Ok(report)
+    }
+
+    /// Removes the temporary files of processes of this host that were killed, and those of unknown processes that were
+    /// last written more than `stale` ago. Returns their number.
+    pub(super) async fn sweep_staging(&self, stale: Duration) -> Result<u64, StoreError> {
+        let (staging, workers) = (self.staging.clone(), self.data.join(WORKERS));
+        blocking(move || staging.sweep(stale, |owner| is_alive(&workers, owner))).await
     }
 
     /// Writes beside tags the time of their material, where programs of an earlier schema have left it out.

@@ -385,6 +385,11 @@ async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), Cat
         Vec::new()
     });
     let reaped = engine.archive.catalog.reap(&gone, expired, engine.limits.lost, lost).await?;
+    if !gone.is_empty()
+        && let Err(error) = engine.archive.sweep_staging(engine.limits.stale).await
+    {
+        tracing::warn!(%error, "temporary files of lost workers were not removed");
+    }
     engine.presence.forget(&gone);
     for job in &reaped {
         tracing::warn!(job, "job taken back from a lost worker");
@@ -422,7 +427,13 @@ async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
             _ = ticks.tick() => {}
         }
         let start = Instant::now();
-        let swept = engine.archive.sweep_within(&engine.limits, &|| stop.is_cancelled()).await;
+        let checked = engine.archive.check_clock().await;
+        let is_doubted = matches!(checked, Err(ArchiveError::Clock(_)));
+        metrics::gauge!("wavelume_clock_doubted").set(f64::from(u8::from(is_doubted)));
+        let swept = match checked {
+            Ok(()) => engine.archive.sweep_within(&engine.limits, &|| stop.is_cancelled()).await,
+            Err(error) => Err(error),
+        };
         let duration_ms = start.elapsed().as_millis() as u64;
         match swept {
             Ok(report) if report.removed_blobs + report.removed_staging + report.forgotten_jobs > 0 => tracing::info!(

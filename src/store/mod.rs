@@ -13,6 +13,7 @@ mod interface;
 mod local;
 mod object;
 mod objects;
+mod owner;
 mod place;
 mod probe;
 mod s3;
@@ -30,6 +31,7 @@ pub use verified::WHOLE;
 pub(crate) use disk::Disk;
 pub(crate) use interface::Store;
 pub(crate) use object::{FOLDER, Object, PARTS};
+pub(crate) use owner::{give, give_all};
 pub(crate) use probe::{Probe, Step};
 #[cfg(test)]
 pub(crate) use s3::tests::at as s3_at;

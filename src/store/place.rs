@@ -2,8 +2,9 @@
 
 use super::error::StoreError;
 use super::interface::Store;
+use super::local::{self, STAGING};
+use super::s3;
 use super::staging::Staging;
-use super::{local, s3};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -29,16 +30,24 @@ pub enum Place {
 pub struct NotAStore(String);
 
 impl Place {
-    /// Opens the store, and a directory for temporary files: in the directory of the store, or inside `scratch` if the
-    /// store is in S3. The directory of the store and `scratch` must exist. Blocks the thread.
+    /// Opens the store, and makes the [directory for temporary files](Self::staging). The directory of the store and
+    /// `scratch` must exist. Blocks the thread.
     pub(crate) fn open(&self, scratch: &Path) -> Result<(Arc<dyn Store>, Staging), StoreError> {
+        let staging = self.staging(scratch);
+        std::fs::create_dir_all(&staging)?;
+        let store: Arc<dyn Store> = match self {
+            Self::Directory(root) => Arc::new(local::open(root)?),
+            Self::S3 { bucket, prefix } => Arc::new(s3::open(bucket, prefix)?),
+        };
+        Ok((store, Staging::new(staging)))
+    }
+
+    /// Returns the directory for temporary files: in the directory of the store, or inside `scratch` if the store is in
+    /// S3.
+    pub(crate) fn staging(&self, scratch: &Path) -> PathBuf {
         match self {
-            Self::Directory(root) => local::open(root).map(|(store, staging)| (Arc::new(store) as _, staging)),
-            Self::S3 { bucket, prefix } => {
-                let staging = scratch.join("staging");
-                std::fs::create_dir_all(&staging)?;
-                Ok((Arc::new(s3::open(bucket, prefix)?), Staging::new(staging)))
-            }
+            Self::Directory(root) => root.join(STAGING),
+            Self::S3 { .. } => scratch.join(STAGING),
         }
     }
 

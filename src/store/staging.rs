@@ -4,8 +4,9 @@ use super::digest::Digest;
 use super::disk::Disk;
 use super::error::StoreError;
 use std::fs::{self, File, OpenOptions};
-use std::io::{Read, Seek, Write};
+use std::io::{ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 /// Directory of temporary files that become objects of the store. If the store is a directory, both lie on one file
@@ -15,6 +16,8 @@ pub(crate) struct Staging {
     directory: PathBuf,
     /// Space in bytes that temporary files leave free on their disk; less on a small disk.
     kept: u64,
+    /// Id of the process that makes the files, with which their names begin; `None` for a command.
+    owner: Option<Arc<str>>,
 }
 
 /// A temporary file that is being written. Dropping it removes the file.
@@ -46,8 +49,12 @@ pub(crate) struct Reserved {
 struct TemporaryPath(PathBuf);
 
 impl TemporaryPath {
-    fn fresh(directory: &Path) -> Self {
-        Self(directory.join(uuid::Uuid::now_v7().simple().to_string()))
+    fn fresh(staging: &Staging) -> Self {
+        let name = uuid::Uuid::now_v7().simple().to_string();
+        Self(staging.directory.join(match &staging.owner {
+            Some(owner) => format!("{owner}.{name}"),
+            None => name,
+        }))
     }
 
     /// Returns the name of the file, without its directory.
@@ -66,7 +73,7 @@ impl Drop for TemporaryPath {
 impl Staging {
     /// Uses an existing directory for temporary files.
     pub(crate) fn new(directory: impl Into<PathBuf>) -> Self {
-        Self { directory: directory.into(), kept: 0 }
+        Self { directory: directory.into(), kept: 0, owner: None }
     }
 
     /// Returns the same directory, whose temporary files leave `kept` bytes of their disk free.
@@ -82,10 +89,16 @@ impl Staging {
         Ok(())
     }
 
+    /// Lets the names of further temporary files begin with the id of the process that makes them, so that they can be
+    /// removed once it has died.
+    pub(crate) fn owned_by(self, id: &str) -> Self {
+        Self { owner: Some(id.into()), ..self }
+    }
+
     /// Creates a temporary file. This call and all calls on the file block the thread.
     pub(crate) fn begin(&self) -> Result<StagedWriter, StoreError> {
         self.has_room()?;
-        let path = TemporaryPath::fresh(&self.directory);
+        let path = TemporaryPath::fresh(self);
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path.0)?;
         Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path, staging: self.clone() })
     }
@@ -97,7 +110,7 @@ impl Staging {
 
     /// Reserves a name in the directory for a temporary file that another process creates.
     pub(crate) fn reserve(&self) -> Reserved {
-        Reserved { path: TemporaryPath::fresh(&self.directory) }
+        Reserved { path: TemporaryPath::fresh(self) }
     }
 
     /// Writes bytes that are in memory to a new temporary file. Blocks the thread.
@@ -123,15 +136,33 @@ impl Staging {
         }
     }
 
-    /// Removes temporary files last written more than `older_than` ago, and returns their number. Blocks the thread.
-    pub(crate) fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
+    /// Removes the temporary files of processes that have died, and those of unknown processes that were last written
+    /// more than `older_than` ago; returns their number. `is_alive` tells of the id of a process whether it runs, if
+    /// that is known. Blocks the thread.
+    pub(crate) fn sweep(
+        &self,
+        older_than: Duration,
+        is_alive: impl Fn(&str) -> Option<bool>,
+    ) -> Result<u64, StoreError> {
         let now = SystemTime::now();
         let mut removed = 0;
-        for entry in fs::read_dir(&self.directory)? {
+        let entries = match fs::read_dir(&self.directory) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(0),
+            entries => entries?,
+        };
+        for entry in entries {
             let entry = entry?;
             let Ok(metadata) = entry.metadata() else { continue };
-            let age = metadata.modified().ok().and_then(|written| now.duration_since(written).ok());
-            if metadata.is_file() && age.is_some_and(|age| age > older_than) && fs::remove_file(entry.path()).is_ok() {
+            let name = entry.file_name();
+            let owner = name.to_str().and_then(|name| name.split_once('.')).map(|(owner, _)| owner);
+            let is_abandoned = match owner.and_then(&is_alive) {
+                Some(is_alive) => !is_alive,
+                None => {
+                    let age = metadata.modified().ok().and_then(|written| now.duration_since(written).ok());
+                    age.is_some_and(|age| age > older_than)
+                }
+            };
+            if metadata.is_file() && is_abandoned && fs::remove_file(entry.path()).is_ok() {
                 removed += 1;
             }
         }
@@ -271,15 +302,21 @@ mod tests {
     }
 
     #[test]
-    fn only_stale_files_are_swept() {
+    fn files_of_the_dead_and_stale_ones_are_swept() {
         let directory = tempfile::tempdir().unwrap();
         let staging = Staging::new(directory.path());
-        let abandoned = directory.path().join("left by a killed process");
-        fs::write(&abandoned, b"half").unwrap();
         let old = SystemTime::now() - Duration::from_hours(2);
-        File::options().write(true).open(&abandoned).unwrap().set_modified(old).unwrap();
-        let fresh = staging.begin().unwrap();
-        assert_eq!(staging.sweep(Duration::from_hours(1)).unwrap(), 1);
-        assert!(fresh.path.0.exists() && !abandoned.exists());
+        let alive = staging.clone().owned_by("alive").begin().unwrap();
+        let dead = std::mem::ManuallyDrop::new(staging.clone().owned_by("dead").begin().unwrap());
+        let (unknown, fresh) = (directory.path().join("unknown.x"), staging.begin().unwrap());
+        fs::write(&unknown, b"half").unwrap();
+        for path in [&alive.path.0, &unknown] {
+            File::options().write(true).open(path).unwrap().set_modified(old).unwrap();
+        }
+        let is_alive = |id: &str| (id != "unknown").then_some(id == "alive");
+        assert_eq!(staging.sweep(Duration::from_hours(1), is_alive).unwrap(), 2);
+        assert!(fresh.path.0.exists() && alive.path.0.exists() && !unknown.exists() && !dead.path.0.exists());
+        let missing = Staging::new(directory.path().join("missing"));
+        assert_eq!(missing.sweep(Duration::ZERO, |_| None).unwrap(), 0);
     }
 }

@@ -1,6 +1,7 @@
 //! The examination of a site: healthy ones, new ones, and each fault that can be made here; nothing is changed.
 
 use super::at;
+use super::service::Service;
 use super::settings::with;
 use serde_json::Value;
 use sqlx::Connection;
@@ -8,7 +9,7 @@ use std::fs;
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output, Stdio};
 
 /// Returns the findings of `wavelume doctor` that are not ok, and the names of all checks.
 fn judged(code: i32, variables: &[(&str, &str)], args: &[&str]) -> (Vec<Value>, Vec<String>) {
@@ -43,6 +44,13 @@ fn texts(output: &Output) -> (String, String) {
 /// Returns a finding as one text: verdict, check, what was found, what to do.
 fn text(finding: &Value) -> String {
     ["verdict", "check", "found", "remedy"].map(|part| finding[part].as_str().unwrap()).join(" ")
+}
+
+/// Starts a service and ends it, so that its store and its catalog belong together.
+fn served(variables: &[(&str, &str)], args: &[&str]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wavelume"));
+    command.args(["serve", "--listen", "127.0.0.1:0"]).args(args).envs(variables.iter().copied()).stderr(Stdio::null());
+    assert_eq!(Service::spawn(command).signal("-INT"), Some(0));
 }
 
 fn succeeds(variables: &[(&str, &str)], args: &[&str]) {
@@ -83,13 +91,18 @@ fn a_data_directory_is_examined_and_not_made() {
     assert_eq!(warned, ["database", "store"], "{names:?}");
     assert!(everything(dir.path()).is_empty());
 
-    succeeds(&[], &["migrate", "--data", &data]);
-    succeeds(&[], &["gc", "--data", &data]);
+    served(&[], &["--data", &data]);
     let before = everything(dir.path());
     let (wrong, names) = judged(0, &[], &["--data", &data]);
     assert!(wrong.is_empty(), "{wrong:?}");
     let steps = STEPS.map(|step| format!("store {step}"));
-    let others = ["database durability", "database schema", "database clock", "store instance", "local scratch"];
+    let others = [
+        "database durability",
+        "database schema",
+        "database clock",
+        "store instance",
+        "local scratch",
+    ];
     for name in others.into_iter().chain(steps.iter().map(String::as_str)) {
         assert!(names.iter().any(|known| known == name), "{name}: {names:?}");
     }
@@ -107,8 +120,7 @@ fn a_data_directory_is_examined_and_not_made() {
 fn faults_of_a_data_directory_are_told() {
     let dir = tempfile::tempdir().unwrap();
     let data = at(&dir, "data");
-    succeeds(&[], &["migrate", "--data", &data]);
-    succeeds(&[], &["gc", "--data", &data]);
+    served(&[], &["--data", &data]);
     let instance = dir.path().join("data/wavelume-instance");
     let ours = fs::read_to_string(&instance).unwrap();
     fs::write(&instance, "01a2-another").unwrap();
@@ -172,7 +184,7 @@ async fn postgresql_and_s3_are_examined() {
     assert!(!dir.path().join("data").exists());
 
     succeeds(&site, &["migrate"]);
-    succeeds(&site, &["gc"]);
+    served(&site, &[]);
     let (faults, names) = judged(1, &site, &[]);
     assert!(faults.len() == 1 && text(&faults[0]).starts_with(durability), "{faults:?}");
     for name in ["version", "encoding", "role", "clock", "connections"] {

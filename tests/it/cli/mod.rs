@@ -1,6 +1,7 @@
 //! The program as a user runs it: every command, its JSON, its exit codes and its one-line refusals.
 
 mod compress;
+mod directories;
 mod doctor;
 mod evaluate;
 mod keys;

@@ -18,18 +18,21 @@ impl Service {
 
     /// Starts a service under `limits` (shell commands), with further `options`.
     pub(super) fn start_with(limits: &str, data: &str, options: &[&str], log: Stdio) -> Self {
-        let mut child = Command::new("sh")
+        let mut command = Command::new("sh");
+        command
             .args(["-c", &format!("{limits}\nexec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_wavelume")])
             .args(["serve", "--data", data])
             .args(["--listen", "127.0.0.1:0"].iter().filter(|_| !options.contains(&"--listen")))
             .args(options)
-            // A terminal would make the service end with it.
-            .stdin(Stdio::null())
-            .env_remove("RUST_LOG")
-            .stdout(Stdio::piped())
-            .stderr(log)
-            .spawn()
-            .unwrap();
+            .stderr(log);
+        Self::spawn(command)
+    }
+
+    /// Starts a service by a command that runs the program in this process or one that it becomes.
+    pub(super) fn spawn(mut command: Command) -> Self {
+        // A terminal would make the service end with it.
+        let command = command.stdin(Stdio::null()).env_remove("RUST_LOG").stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
         let address = line.trim().strip_prefix("listening on http://").unwrap().to_owned();
@@ -49,7 +52,7 @@ impl Service {
         stream.read_to_string(&mut answer).map(|_| answer)
     }
 
-    fn signal(mut self, name: &str) -> Option<i32> {
+    pub(super) fn signal(mut self, name: &str) -> Option<i32> {
         self.send(name);
         self.child.wait().unwrap().code()
     }
