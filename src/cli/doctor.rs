@@ -37,7 +37,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     config.site = args.places.site();
     args.settings.apply(&mut config);
     let certificate = args.tls.files()?;
-    let mut findings = block_on_and_abandon(async { Ok(examine(&config, args.processes).await) })?;
+    let mut findings =
+        block_on_and_abandon(async { Ok(examine(&config, args.processes, args.places.umask.bits()).await) })?;
     findings.push(descriptors_found(&config.limits));
     findings.extend(certificate.map(|files| certificate_found(&files, &args.reach.names)));
     if let Some(file) = &args.places.file.config {

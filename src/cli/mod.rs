@@ -58,6 +58,7 @@ mod table;
 mod tenants;
 mod tls;
 mod token;
+mod umask;
 mod viewing;
 mod worker;
 
@@ -68,9 +69,11 @@ use crate::catalog::without_password;
 use crate::trust::without_secrets;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use config_file::ConfigFile;
+use site::UMASK;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use tracing_subscriber::filter::LevelFilter;
+use umask::Umask;
 
 /// Compress, store, evaluate and sample acquired radiometric measurements.
 #[derive(Debug, clap::Parser)]
@@ -82,6 +85,10 @@ pub struct Cli {
     pub log_format: LogFormat,
     #[command(subcommand)]
     command: Command,
+    /// Permissions that a command takes from what it makes in data directories, stores and backups; `None` for a
+    /// command that makes nothing there.
+    #[arg(skip)]
+    umask: Option<Umask>,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -178,7 +185,8 @@ impl Cli {
             Err(error) => return shown(error),
         };
         let keys = setting_keys::keys(&Self::command());
-        let file = config_file(&matches).map(|path| ConfigFile::read(&path, &keys)).transpose()?;
+        let file =
+            given::<PathBuf>(&matches, setting_keys::CONFIG).map(|path| ConfigFile::read(&path, &keys)).transpose()?;
         if let Some(file) = &file {
             matches = match file.set_defaults(Self::command(), &keys).try_get_matches_from(&line) {
                 Ok(matches) => matches,
@@ -189,6 +197,7 @@ impl Cli {
             Ok(cli) => cli,
             Err(error) => return shown(error),
         };
+        cli.umask = given(&matches, UMASK);
         if let (Command::Config(args), Some((_, matches))) = (&mut cli.command, matches.subcommand()) {
             args.fill_in(matches, &keys, file.as_ref());
         }
@@ -207,6 +216,9 @@ impl Cli {
 
     /// Runs the subcommand that the command line names, such as `compress`.
     pub fn run(self) -> Result<(), Failure> {
+        if let Some(umask) = self.umask {
+            umask.set();
+        }
         match self.command {
             Command::Compress(args) => compress::run(&args),
             Command::Inspect(args) => inspect::run(&args),
@@ -254,11 +266,11 @@ impl Parsed {
     }
 }
 
-/// Returns the configuration file that the command line or the environment names, for a command that reads one.
-fn config_file(matches: &ArgMatches) -> Option<PathBuf> {
+/// Returns the value of the option with this id, for a command that has it.
+fn given<T: Clone + Send + Sync + 'static>(matches: &ArgMatches, id: &str) -> Option<T> {
     match matches.subcommand() {
-        Some((_, below)) => config_file(below),
-        None => matches.try_get_one::<PathBuf>(setting_keys::CONFIG).ok().flatten().cloned(),
+        Some((_, below)) => given(below, id),
+        None => matches.try_get_one::<T>(id).ok().flatten().cloned(),
     }
 }
 

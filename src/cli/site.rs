@@ -1,7 +1,11 @@
 //! Options that say where a service keeps its data: directory, database, store; and where its settings are.
 
+use super::umask::Umask;
 use crate::jobs::{Database, Place, Site};
 use std::path::PathBuf;
+
+/// Id of the option for permissions; the commands that have it make what they make with them.
+pub(super) const UMASK: &str = "umask";
 
 /// Option for the configuration file. The commands that have it read the file.
 #[derive(Debug, clap::Args)]
@@ -34,6 +38,18 @@ pub(crate) struct PlaceArgs {
     /// the usual AWS_ variables; by default the data directory
     #[arg(long, value_name = "URL", env = "WAVELUME_STORE", hide_env_values = true)]
     store: Option<Place>,
+    /// Permissions (octal) that directories and files which the program makes in the data directory, the store or a
+    /// backup do not get: 077 leaves them to their owner, 027 lets the group read
+    #[arg(
+        id = UMASK,
+        long,
+        value_name = "MASK",
+        default_value = "077",
+        env = "WAVELUME_UMASK",
+        hide_env_values = true,
+        hide_short_help = true
+    )]
+    pub(crate) umask: Umask,
 }
 
 /// Options of commands that use the store: its places, and the permission to take it over.

@@ -5,6 +5,7 @@ use crate::catalog::Database;
 use crate::store::Place;
 use rustix::fs::statvfs;
 use std::io::Write;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// Directories of a service on this machine, for the checks of their disks, and the size of an upload.
@@ -17,6 +18,8 @@ pub(super) struct Disks {
     store: Option<PathBuf>,
     /// Largest upload in bytes.
     upload: u64,
+    /// Permissions that nobody but the owner shall have.
+    umask: u32,
 }
 
 /// Number of largest uploads that must fit on a disk; below, a warning is given. Raising it warns earlier.
@@ -60,12 +63,12 @@ enum Fit {
 
 impl Disks {
     /// Returns the directories of a service whose data directory is `root`.
-    pub(super) fn of(root: &Path, database: &Database, store: &Place, upload: u64) -> Self {
+    pub(super) fn of(root: &Path, database: &Database, store: &Place, upload: u64, umask: u32) -> Self {
         let store = match store {
             Place::Directory(directory) if directory != root => Some(directory.clone()),
             _ => None,
         };
-        Self { data: root.to_owned(), file: database.file().map(Path::to_owned), store, upload }
+        Self { data: root.to_owned(), file: database.file().map(Path::to_owned), store, upload, umask }
     }
 
     /// Returns the verdicts on all directories. Blocks the thread.
@@ -75,6 +78,7 @@ impl Disks {
             findings.push(space("store space", store, self.upload));
             findings.push(kind("store file system", store, false));
         }
+        findings.extend(self.permissions());
         match &self.file {
             Some(file) => findings.push(kind("database file system", file.parent().unwrap_or(file), true)),
             None => findings.push(kind("local file system", &self.data, false)),
@@ -82,6 +86,51 @@ impl Disks {
         findings
     }
 }
+
+impl Disks {
+    /// Judges who may reach the data: `None` while there are none.
+    fn permissions(&self) -> Option<Finding> {
+        const CHECK: &str = "local permissions";
+        let wider = |path: &Path| {
+            let mode = path.metadata().ok()?.mode() & 0o777;
+            (mode & self.umask != 0).then(|| format!("{} ({mode:03o})", path.display()))
+        };
+        let roots: Vec<&Path> = [Some(&self.data), self.store.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
+            .filter(|root| root.is_dir())
+            .collect();
+        let mut found = Vec::new();
+        for root in &roots {
+            found.extend(wider(root));
+            // Nobody else gets past a closed directory.
+            if root.metadata().is_ok_and(|root| root.mode() & 0o077 != 0) {
+                found.extend(FOLDERS.iter().filter_map(|folder| wider(&root.join(folder))));
+            }
+        }
+        if let Some(file) = &self.file {
+            let is_closed = file.parent().and_then(|parent| parent.metadata().ok());
+            if is_closed.is_none_or(|parent| parent.mode() & 0o077 != 0) {
+                found.extend(wider(file));
+            }
+        }
+        if roots.is_empty() {
+            return None;
+        }
+        if found.is_empty() {
+            return Some(Finding::ok(CHECK, format!("no wider than --umask {:03o} lets", self.umask)));
+        }
+        Some(Finding::warning(
+            CHECK,
+            format!("other users may read or list {}", found.join(", ")),
+            "take their permissions away, such as with `chmod -R go= DIR`, or say with --umask that they shall have them",
+        ))
+    }
+}
+
+/// Folders of a data directory and of a store that hold what clients have sent.
+const FOLDERS: [&str; 4] = ["blobs", "blobs/default", "uploads", "staging"];
 
 /// Checks that a temporary file can be written in the data directory. The file has no name and leaves nothing behind.
 fn scratch(data: &Path) -> Finding {
@@ -204,6 +253,28 @@ mod tests {
         numbers.sort_unstable();
         numbers.dedup();
         assert_eq!(numbers.len(), KINDS.len());
+    }
+
+    #[test]
+    fn data_that_others_may_read_are_named() {
+        use std::os::unix::fs::PermissionsExt;
+        let directory = tempfile::tempdir().unwrap();
+        let (data, mode) = (directory.path().join("data"), |mode| std::fs::Permissions::from_mode(mode));
+        let (database, store) = (Database::File(data.join("catalog.sqlite")), Place::Directory(data.clone()));
+        let judged = |umask| Disks::of(&data, &database, &store, 0, umask).permissions();
+        assert!(judged(0o077).is_none(), "there is nothing yet");
+        std::fs::create_dir_all(data.join("blobs")).unwrap();
+        std::fs::write(data.join("catalog.sqlite"), b"").unwrap();
+        for (path, bits) in [("blobs", 0o700), ("catalog.sqlite", 0o644), ("", 0o700)] {
+            std::fs::set_permissions(data.join(path), mode(bits)).unwrap();
+        }
+        assert_eq!(judged(0o077).unwrap().verdict, Verdict::Ok, "nobody else gets into the directory");
+        std::fs::set_permissions(&data, mode(0o750)).unwrap();
+        let found = judged(0o077).unwrap();
+        assert_eq!(found.verdict, Verdict::Warning);
+        assert!(found.found.contains("data (750)") && found.found.contains("catalog.sqlite (644)"), "{}", found.found);
+        std::fs::set_permissions(data.join("catalog.sqlite"), mode(0o640)).unwrap();
+        assert_eq!(judged(0o027).unwrap().verdict, Verdict::Ok, "the group is meant to read");
     }
 
     #[test]

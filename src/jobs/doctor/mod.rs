@@ -42,15 +42,15 @@ impl Layout {
 }
 
 /// Examines the machine, the database and the store of a service. `processes` is the number of nodes and workers that
-/// share the database.
-pub(crate) async fn examine(config: &WorkConfig, processes: u32) -> Vec<Finding> {
+/// share the database; `umask` has the permissions that nobody but the owner shall have on data.
+pub(crate) async fn examine(config: &WorkConfig, processes: u32, umask: u32) -> Vec<Finding> {
     let (site, upload) = (config.site.clone(), config.limits.upload_bytes);
     let Some(layout) = patiently(move || Layout::of(&site)).await else { return vec![silent(config)] };
     let Layout { root, database, is_missing, store, found } = layout;
     let (asked, stored) = tokio::join!(Asked::of(&database, is_missing), Stored::of(found));
     let mut findings = database::judge(&database, &asked, processes);
     findings.extend(stored.judge(&store, &database, &asked));
-    let disks = Disks::of(&root, &database, &store, upload);
+    let disks = Disks::of(&root, &database, &store, upload, umask);
     findings.extend(patiently(move || disks.judge()).await.unwrap_or_else(|| vec![silent(config)]));
     findings
 }

@@ -1,7 +1,8 @@
-//! Data directories: commands that only look make nothing, and other users' directories stay theirs.
+//! Data directories: commands that only look make nothing, what is made is private, and other users' directories stay
+//! theirs.
 
 use super::service::Service;
-use super::{at, done, json, refused};
+use super::{at, data, done, json, refused};
 use sqlx::Connection;
 use std::fs;
 use std::io::{Read, Write};
@@ -151,6 +152,38 @@ fn a_place_without_a_service_is_named_and_nothing_is_made_there() {
     fs::create_dir(at(&dir, "data/blobs")).unwrap();
     let told = refused(1, &["fsck", "--data", &data]);
     assert!(told.contains("check --database"), "{told}");
+}
+
+#[test]
+fn what_the_program_makes_is_private_unless_a_setting_says_otherwise() {
+    for (umask, options, directory, file) in
+        [("000", &[][..], 0o700, 0o600), ("077", &["--umask", "027"][..], 0o750, 0o640)]
+    {
+        let dir = tempfile::tempdir().unwrap();
+        let (data, backup) = (at(&dir, "data"), at(&dir, "backup"));
+        let shell = format!("umask {umask}");
+        let service = Service::start_with(&shell, &data, options, Stdio::null());
+        upload(&service);
+        let script = format!("{shell}\nexec \"$0\" backup {backup} --data {data} {}", options.join(" "));
+        let made = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_wavelume")]).output().unwrap();
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        let found = below(dir.path());
+        assert!(found.len() > 20, "{found:?}");
+        for path in found {
+            let metadata = path.metadata().unwrap();
+            let expected = if metadata.is_dir() { directory } else { file };
+            assert_eq!(metadata.mode() & 0o777, expected, "{}", path.display());
+        }
+    }
+    // Files that a user asks for are not data of a service.
+    let dir = tempfile::tempdir().unwrap();
+    let (input, output) = (data("illuminant_D65.csv"), at(&dir, "x.wlm"));
+    let script = format!("umask 022\nexec \"$0\" compress {input} --er-l2 0.01 -o {output}");
+    let made = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_wavelume")]).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    assert_eq!(fs::metadata(output).unwrap().mode() & 0o777, 0o644);
+    let wrong = refused(2, &["migrate", "--data", &at(&dir, "data"), "--umask", "700"]);
+    assert!(wrong.contains("from 000 to 077"), "{wrong}");
 }
 
 #[test]

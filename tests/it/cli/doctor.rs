@@ -102,6 +102,7 @@ fn a_data_directory_is_examined_and_not_made() {
         "database clock",
         "store instance",
         "local scratch",
+        "local permissions",
     ];
     for name in others.into_iter().chain(steps.iter().map(String::as_str)) {
         assert!(names.iter().any(|known| known == name), "{name}: {names:?}");
