@@ -155,13 +155,11 @@ impl Staging {
             let Ok(metadata) = entry.metadata() else { continue };
             let name = entry.file_name();
             let owner = name.to_str().and_then(|name| name.split_once('.')).map(|(owner, _)| owner);
-            let is_abandoned = match owner.and_then(&is_alive) {
-                Some(is_alive) => !is_alive,
-                None => {
-                    let age = metadata.modified().ok().and_then(|written| now.duration_since(written).ok());
-                    age.is_some_and(|age| age > older_than)
-                }
+            let is_stale = || {
+                let age = metadata.modified().ok().and_then(|written| now.duration_since(written).ok());
+                age.is_some_and(|age| age > older_than)
             };
+            let is_abandoned = owner.and_then(&is_alive).map_or_else(is_stale, |is_alive| !is_alive);
             if metadata.is_file() && is_abandoned && fs::remove_file(entry.path()).is_ok() {
                 removed += 1;
             }
