@@ -126,7 +126,7 @@ mod tests {
         let killed = format!("{}-killed", boot());
         fs::write(directory.path().join(&killed), b"").unwrap();
         fs::write(directory.path().join("another host's"), b"").unwrap();
-        assert_eq!(a.gone().unwrap(), [killed.clone()]);
+        assert_eq!(a.gone().unwrap(), std::slice::from_ref(&killed));
         for (id, expected) in [
             (a.id(), Some(true)),
             (killed.as_str(), Some(false)),
