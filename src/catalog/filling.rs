@@ -4,6 +4,7 @@ use super::database::{Catalog, Write};
 use super::dialect::Dialect;
 use super::error::CatalogError;
 use super::snapshot::{Kind, columns, quoted};
+use super::texts;
 use crate::store::Object;
 use serde_json::{Value, json};
 use sqlx::{AssertSqlSafe, Executor, Row};
@@ -86,6 +87,8 @@ impl Catalog {
         if self.dialect == Dialect::Postgres {
             let patient = "SET LOCAL statement_timeout = 0; SET LOCAL idle_in_transaction_session_timeout = '10min'";
             write.transaction.execute(patient).await?;
+        } else {
+            texts::remove(&mut write).await?;
         }
         Ok(Filling(write))
     }
@@ -149,6 +152,9 @@ impl Filling {
             .bind(COPYING.to_owned())
             .execute(&mut *write.transaction)
             .await?;
+        if write.dialect == Dialect::Sqlite {
+            texts::make(write).await?;
+        }
         self.0.commit().await
     }
 }

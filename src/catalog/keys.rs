@@ -4,6 +4,7 @@ use super::audit::{Act, record};
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, breaks_reference};
 use super::page::{Cursor, Page, filtered};
+use super::search::composed;
 use crate::trust::{KeyId, Scope, Scopes, SecretHash, Tenant, Verifier};
 use sqlx::Row;
 use sqlx::any::AnyRow;
@@ -324,7 +325,7 @@ async fn insert(write: &mut Write, new: &NewKey) -> Result<Option<KeyRow>, Catal
     )
     .bind(new.id.to_string())
     .bind(new.tenant.to_string())
-    .bind(new.name.clone())
+    .bind(composed(&new.name))
     .bind(new.hash.to_string())
     .bind(new.verifier.map(|verifier| verifier.to_string()))
     .bind(new.scopes.to_string())
@@ -336,7 +337,7 @@ async fn insert(write: &mut Write, new: &NewKey) -> Result<Option<KeyRow>, Catal
     Ok((inserted.rows_affected() == 1).then(|| KeyRow {
         id: new.id,
         tenant: new.tenant.clone(),
-        name: new.name.clone(),
+        name: composed(&new.name),
         scopes: new.scopes,
         created_ms: write.now,
         expires_ms: Some(expires_ms),
@@ -376,7 +377,7 @@ mod tests {
         NewKey {
             id: key.id(),
             tenant: Tenant::default(),
-            name: "für \"mich\"".to_owned(),
+            name: "fu\u{308}r \"mich\"".to_owned(),
             hash: key.secret().hash(),
             verifier: None,
             scopes: scopes.parse().unwrap(),
@@ -401,6 +402,7 @@ mod tests {
             else {
                 panic!("not stored")
             };
+            assert_eq!(row.name, "für \"mich\"");
             let again = catalog.add_key(&new(&key, "read,instance", DAY), 9, &act("key.create")).await.unwrap();
             assert_eq!(again, AddedKey::Taken, "a key never changes what it allows");
             let nobody = NewKey { tenant: "nobody".parse().unwrap(), ..new(&Key::generate().unwrap(), "read", DAY) };

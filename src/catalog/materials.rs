@@ -3,15 +3,17 @@
 use super::blobs::unname;
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, digest, tenant};
+use super::lists::{Filters, Sight};
 use super::measurements::Deleted;
-use super::page::{Cursor, Page, and, pattern};
+use super::page::{Cursor, Page};
+use super::search::{Sought, composed, folded};
 use super::usage::{Change, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use crate::trust::Tenant;
 use serde_json::{Map, Value, json};
+use sqlx::Row;
 use sqlx::any::AnyRow;
-use sqlx::{AssertSqlSafe, Row, SqlSafeStr, SqlStr};
 use std::collections::HashMap;
 
 /// A material (a compressed measurement) to store in the catalog.
@@ -69,6 +71,30 @@ pub(crate) struct MaterialFilter {
     pub q: Option<String>,
 }
 
+impl MaterialFilter {
+    /// Returns the filters as the statements of lists take them.
+    pub(super) fn sought(&self) -> Filters {
+        Filters {
+            quantity: self.quantity,
+            measurement: self.measurement.map(|digest| digest.to_string()),
+            format: None,
+            tag: self.tag.as_deref().map(Sought::exactly),
+            text: self.q.as_deref().map(Sought::within),
+        }
+    }
+}
+
+impl MaterialRow {
+    /// Sorts the tags, each once, in the composed form: programs before kept them as they were typed.
+    pub(super) fn sort_tags(&mut self) {
+        for tag in &mut self.tags {
+            *tag = composed(tag);
+        }
+        self.tags.sort_unstable();
+        self.tags.dedup();
+    }
+}
+
 macro_rules! columns {
     () => {
         "id, name, document, created_at, visibility"
@@ -98,29 +124,35 @@ impl Catalog {
         Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
-    /// Returns a page of materials, newest first.
+    /// Returns a page of this tenant's materials, newest first.
     pub(crate) async fn materials(
         &self,
         filter: &MaterialFilter,
         after: Option<Cursor>,
         limit: usize,
     ) -> Result<Page<MaterialRow>, CatalogError> {
-        let after = after.unwrap_or_else(Cursor::newest);
-        let mut list = self.list().await?;
-        let rows = sqlx::query(page(filter))
-            .bind(after.created_at)
-            .bind(after.id)
-            .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
-            .bind(filter.measurement.map(|digest| digest.to_string()))
-            .bind(filter.tag.clone())
-            .bind(filter.q.as_deref().map(pattern))
-            .bind(limit as i64 + 1)
-            .bind(self.tenant.to_string())
-            .fetch_all(&mut *list)
-            .await?;
-        list.commit().await?;
+        let rows = self.material_page(Sight::Own, filter, after, limit).await?;
         let materials = self.read_materials(&rows).await?;
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
+    }
+
+    /// Returns the rows of a page of materials that this tenant may read for the reason `sight`, newest first, and one
+    /// row more if there is a next page.
+    pub(super) async fn material_page(
+        &self,
+        sight: Sight,
+        filter: &MaterialFilter,
+        after: Option<Cursor>,
+        limit: usize,
+    ) -> Result<Vec<AnyRow>, CatalogError> {
+        let filters = filter.sought();
+        let after = after.unwrap_or_else(Cursor::newest);
+        let mut list = self.list().await?;
+        let statement = filters.materials(self.dialect, sight);
+        let page = filters.bind(statement, self.tenant.as_str(), sight, after, limit);
+        let rows = page.fetch_all(&mut *list).await?;
+        list.commit().await?;
+        Ok(rows)
     }
 
     /// Deletes a material from the catalog. No other row depends on a material, so that the deletion is never refused.
@@ -192,52 +224,11 @@ impl Catalog {
             }
         }
         for material in &mut materials {
-            material.tags.sort_unstable();
+            material.sort_tags();
             material.measurements.sort_unstable();
         }
         Ok(materials)
     }
-}
-
-/// Returns the SQL statement that reads a page of materials. The page is found in an index; only its own rows, which
-/// are wide, are read from the table.
-fn page(filter: &MaterialFilter) -> SqlStr {
-    let others = and(&[
-        (filter.quantity.is_some(), "m.quantity = $3"),
-        (
-            filter.measurement.is_some(),
-            "EXISTS (SELECT 1 FROM material_sources s WHERE s.tenant = $8 AND s.material = m.id AND s.measurement = $4)",
-        ),
-        (filter.q.is_some(), "m.search LIKE $6 ESCAPE '\\'"),
-    ]);
-    let ids = if filter.tag.is_none() {
-        format!(
-            "SELECT m.id FROM materials m WHERE m.tenant = $8 AND (m.created_at, m.id) < ($1, $2){others} \
-             ORDER BY m.created_at DESC, m.id DESC LIMIT $7"
-        )
-    } else {
-        // Tags are in the order of time, but for the few that wait for the time of their material.
-        let tagged = "FROM material_tags t JOIN materials m ON m.tenant = t.tenant AND m.id = t.material \
-                      WHERE t.tenant = $8 AND t.tag = $5";
-        format!(
-            "SELECT id FROM (\
-             SELECT * FROM (SELECT t.material AS id, t.created_at {tagged} AND (t.created_at, t.material) < ($1, $2)\
-             {others} ORDER BY t.created_at DESC, t.material DESC LIMIT $7) AS dated \
-             UNION ALL \
-             SELECT * FROM (SELECT m.id, m.created_at {tagged} AND t.created_at IS NULL \
-             AND (m.created_at, m.id) < ($1, $2){others} ORDER BY m.created_at DESC, m.id DESC LIMIT $7) AS undated\
-             ) AS tagged ORDER BY created_at DESC, id DESC LIMIT $7"
-        )
-    };
-    let statement = format!(
-        concat!(
-            "SELECT ",
-            columns!(),
-            " FROM materials WHERE tenant = $8 AND id IN ({}) ORDER BY created_at DESC, id DESC"
-        ),
-        ids
-    );
-    AssertSqlSafe(statement).into_sql_str()
 }
 
 /// Reads the row of a material without its tags, source measurements and readers.
@@ -302,10 +293,10 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
         id: id.clone(),
         reason: e.to_string(),
     })?;
-    let names = added(&mut document, "names", row.try_get("name")?, new.name.clone());
+    let names = added(&mut document, "names", row.try_get("name")?, new.name.as_deref().map(composed));
     let name = names.last().cloned();
     let licence = document.get("licence").and_then(Value::as_str).map(str::to_owned);
-    let given = new.document.get("licence").and_then(Value::as_str).map(str::to_owned);
+    let given = new.document.get("licence").and_then(Value::as_str).map(composed);
     let licences = added(&mut document, "licences", licence, given);
     document.insert("licence".to_owned(), json!(licences.last()));
     compared(&mut document, &new.document);
@@ -326,7 +317,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
              ON CONFLICT DO NOTHING",
         )
         .bind(id.clone())
-        .bind(tag.clone())
+        .bind(composed(tag))
         .bind(owner.clone())
         .bind(created_at)
         .execute(&mut *write.transaction)
@@ -344,7 +335,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
     sqlx::query("UPDATE materials SET name = $2, search = $3, document = $4 WHERE tenant = $5 AND id = $1")
         .bind(id)
         .bind(name)
-        .bind(words.join("\n").to_lowercase())
+        .bind(folded(words.iter().map(String::as_str)))
         .bind(Value::Object(document).to_string())
         .bind(owner)
         .execute(&mut *write.transaction)
@@ -364,9 +355,9 @@ fn compared(document: &mut Map<String, Value>, new: &Map<String, Value>) {
     }
 }
 
-/// Appends `given` to the list of names or licences under `key` of a material's manifest, and returns the list: each
-/// text once, the latest last. A list that the manifest lacks begins with `current`, the material's present name or
-/// licence.
+/// Appends `given`, in the composed form, to the list of names or licences under `key` of a material's manifest, and
+/// returns the list: each text once, the latest last. A list that the manifest lacks begins with `current`, the
+/// material's present name or licence.
 fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, given: Option<String>) -> Vec<String> {
     let listed = document.get(key).and_then(Value::as_array);
     let mut texts: Vec<String> = match listed {
@@ -374,7 +365,7 @@ fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, 
         None => current.into_iter().collect(),
     };
     if let Some(given) = given {
-        texts.retain(|text| *text != given);
+        texts.retain(|text| composed(text) != given);
         texts.push(given);
     }
     texts.drain(..texts.len().saturating_sub(MOST_NAMES));
@@ -489,11 +480,51 @@ mod tests {
                     let mut clay = some.clone();
                     clay.retain(|id| (0..12_i64).any(|n| n % 3 != 0 && Digest::of(&n.to_le_bytes()) == *id));
                     assert_eq!(paged(&catalog, &tagged("clay")).await, clay);
+                    for (q, expected) in [("wood", &some), ("clay", &clay), ("w", &some), ("y", &clay)] {
+                        let filter = MaterialFilter { q: Some(q.to_owned()), ..filter.clone() };
+                        assert_eq!(&paged(&catalog, &filter).await, expected, "{q}");
+                    }
                 }
                 while catalog.date_tags(2).await.unwrap() == 2 {}
             }
             let joined = "material_tags t JOIN materials m ON t.material = m.id AND t.created_at = m.created_at";
             assert_eq!(testing::count(&catalog, joined).await, 20);
+        }
+    }
+
+    #[tokio::test]
+    async fn both_ways_to_write_a_letter_are_one_name_and_one_tag() {
+        let (composed, decomposed) = ("Dämmerung", "Da\u{308}mmerung");
+        for (catalog, _guard) in testing::catalogs().await {
+            let (row, document) =
+                remember(&catalog, &material(Some(decomposed), None, &[decomposed, composed, decomposed])).await;
+            assert_eq!((row.name.as_deref(), row.tags), (Some(composed), vec![composed.to_owned()]));
+            assert_eq!(document["names"], json!([composed]));
+            // As a program of before keeps it.
+            let old = NewMaterial { id: Digest::of(b"old"), ..material(Some("x"), None, &["y"]) };
+            remember(&catalog, &old).await;
+            for (statement, text) in [
+                (
+                    "UPDATE materials SET search = $2 WHERE id = $1",
+                    format!("{decomposed}\n{decomposed}").to_lowercase(),
+                ),
+                ("UPDATE material_tags SET tag = $2 WHERE material = $1", decomposed.to_owned()),
+            ] {
+                sqlx::query(statement).bind(old.id.to_string()).bind(text).execute(&catalog.pool).await.unwrap();
+            }
+            for _ in 0..2 {
+                for text in [composed, decomposed] {
+                    let by_tag = MaterialFilter { tag: Some(text.to_owned()), ..MaterialFilter::default() };
+                    let by_text = MaterialFilter { q: Some(text.to_owned()), ..MaterialFilter::default() };
+                    let both = MaterialFilter { q: Some("mmer".to_owned()), ..by_tag.clone() };
+                    for filter in [by_tag, by_text, both] {
+                        assert_eq!(paged(&catalog, &filter).await.len(), 2, "{filter:?}");
+                    }
+                }
+                let (row, _) =
+                    remember(&catalog, &NewMaterial { tags: vec![composed.to_owned()], ..old.clone() }).await;
+                assert_eq!(row.tags, [composed], "both forms are kept now, and shown once");
+            }
         }
     }
 

@@ -3,7 +3,9 @@
 use super::blobs::{Claim, take, unname};
 use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
-use super::page::{Cursor, Page, filtered, pattern};
+use super::lists::{Filters, Sight};
+use super::page::{Cursor, Page};
+use super::search::{Sought, composed, folded};
 use super::usage::{Change, OverQuota, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
@@ -123,12 +125,8 @@ impl Catalog {
                 return Ok(Added::NoSpectrum);
             }
         }
-        let search = [new.name.as_deref(), new.file_name.as_deref(), Some(&new.format)]
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .join("\n")
-            .to_lowercase();
+        let (name, file_name) = (new.name.as_deref().map(composed), new.file_name.as_deref().map(composed));
+        let search = folded([name.as_deref(), file_name.as_deref(), Some(&new.format)].into_iter().flatten());
         let inserted = sqlx::query(
             "INSERT INTO measurements \
              (tenant, id, content, spectrum, name, file_name, bytes, format, quantity, search, document, created_at) \
@@ -137,8 +135,8 @@ impl Catalog {
         .bind(new.id.to_string())
         .bind(new.content.to_string())
         .bind(new.spectrum.map(|digest| digest.to_string()))
-        .bind(new.name.clone())
-        .bind(new.file_name.clone())
+        .bind(name)
+        .bind(file_name)
         .bind(new.bytes as i64)
         .bind(new.format.clone())
         .bind(new.quantity.map(Quantity::name).map(str::to_owned))
@@ -182,27 +180,17 @@ impl Catalog {
         after: Option<Cursor>,
         limit: usize,
     ) -> Result<Page<MeasurementRow>, CatalogError> {
+        let filters = Filters {
+            quantity: filter.quantity,
+            format: filter.format.clone(),
+            text: filter.q.as_deref().map(Sought::within),
+            ..Filters::default()
+        };
         let after = after.unwrap_or_else(Cursor::newest);
-        let statement = filtered(
-            concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $7 AND (created_at, id) < ($1, $2)"),
-            &[
-                (filter.quantity.is_some(), "quantity = $3"),
-                (filter.format.is_some(), "format = $4"),
-                (filter.q.is_some(), "search LIKE $5 ESCAPE '\\'"),
-            ],
-            " ORDER BY created_at DESC, id DESC LIMIT $6",
-        );
         let mut list = self.list().await?;
-        let rows = sqlx::query(statement)
-            .bind(after.created_at)
-            .bind(after.id)
-            .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
-            .bind(filter.format.clone())
-            .bind(filter.q.as_deref().map(pattern))
-            .bind(limit as i64 + 1)
-            .bind(self.tenant.to_string())
-            .fetch_all(&mut *list)
-            .await?;
+        let statement = filters.measurements(self.dialect);
+        let page = filters.bind(statement, self.tenant.as_str(), Sight::Own, after, limit);
+        let rows = page.fetch_all(&mut *list).await?;
         list.commit().await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))

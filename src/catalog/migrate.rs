@@ -9,6 +9,7 @@ use super::indexes;
 use super::place::Database;
 use super::reading::{may_write, readable};
 use super::schema::{REBUILD, TUNING};
+use super::texts;
 use crate::store::give;
 use sqlx::migrate::MigrateError;
 use sqlx::{AnyConnection, Connection, Executor, Row};
@@ -53,7 +54,10 @@ impl Catalog {
         }
         catalog.check_locale().await?;
         match place {
-            Database::File(_) => catalog.apply(&mut *catalog.pool.acquire().await?, catalog.edition.version()).await?,
+            Database::File(_) => {
+                catalog.apply(&mut *catalog.pool.acquire().await?, catalog.edition.version()).await?;
+                texts::build(&catalog).await?;
+            }
             Database::Server(url) => catalog.apply_on_server(url, before).await?,
         }
         let after = catalog.version().await?;

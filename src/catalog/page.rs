@@ -73,19 +73,6 @@ pub(super) fn and(conditions: &[(bool, &'static str)]) -> String {
     conditions.iter().filter(|(given, _)| *given).flat_map(|(_, condition)| [" AND ", condition]).collect()
 }
 
-/// Returns the pattern with which SQL's `LIKE … ESCAPE '\'` finds `text`, in lower case, as a substring.
-pub(super) fn pattern(text: &str) -> String {
-    let mut pattern = String::from("%");
-    for c in text.to_lowercase().chars() {
-        if matches!(c, '%' | '_' | '\\') {
-            pattern.push('\\');
-        }
-        pattern.push(c);
-    }
-    pattern.push('%');
-    pattern
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,10 +91,5 @@ mod tests {
         let place = |n: &i64| Cursor { created_at: *n, id: "x".to_owned() };
         assert_eq!(Page::of(vec![3, 2, 1], 2, place).next, Some(Cursor { created_at: 2, id: "x".to_owned() }));
         assert_eq!(Page::of(vec![3, 2], 2, place).next, None);
-    }
-
-    #[test]
-    fn patterns_escape_what_like_would_take_for_wild() {
-        assert_eq!(pattern("50%_A\\"), "%50\\%\\_a\\\\%");
     }
 }

@@ -2,25 +2,14 @@
 
 use super::database::Catalog;
 use super::error::{CatalogError, tenant};
+use super::lists::Sight;
 use super::materials::{MaterialFilter, MaterialRow, PUBLIC, bare};
-use super::page::{Cursor, Page, filtered, pattern};
-use crate::domain::Quantity;
+use super::page::{Cursor, Page};
 use crate::store::Digest;
 use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
 use std::collections::HashMap;
-
-/// Reason for which a tenant may read a material.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sight {
-    /// The tenant owns the material.
-    Own,
-    /// The owner shares the material with the tenant.
-    Shared,
-    /// The material is public.
-    Public,
-}
 
 /// A material that a tenant may read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -132,9 +121,9 @@ impl Catalog {
         .await
     }
 
-    /// Returns a page of other tenants' materials that this tenant may read, newest first: those shared with it, or
-    /// public ones. A public material that several tenants have is listed once. Source measurements and readers are
-    /// left out, because they are the owners' business.
+    /// Returns a page of materials that this tenant may read, newest first: its own, those shared with it, or other
+    /// tenants' public ones. A public material that several tenants have is listed once. Source measurements and readers
+    /// of others' materials are left out, because they are the owners' business.
     pub(crate) async fn visible_materials(
         &self,
         sight: Sight,
@@ -142,52 +131,10 @@ impl Catalog {
         after: Option<Cursor>,
         limit: usize,
     ) -> Result<Page<MaterialRow>, CatalogError> {
-        let after = after.unwrap_or_else(Cursor::newest);
-        // Shares have no order by time, so that all of them are sorted: by ids and times, without the documents.
-        let (start, end) = match sight {
-            Sight::Own => return self.materials(filter, Some(after), limit).await,
-            Sight::Shared => (
-                "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM \
-                 (SELECT m.tenant AS owner, m.id AS material FROM shares s \
-                 JOIN materials m ON m.tenant = s.tenant AND m.id = s.material \
-                 WHERE s.reader = $7 AND (m.created_at, m.id) < ($1, $2)",
-                " ORDER BY m.created_at DESC, m.id DESC LIMIT $6) AS page \
-                 JOIN materials m ON m.tenant = page.owner AND m.id = page.material \
-                 ORDER BY m.created_at DESC, m.id DESC",
-            ),
-            Sight::Public => (
-                "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM materials m \
-                 WHERE m.visibility = 'public' AND m.tenant <> $7 AND (m.created_at, m.id) < ($1, $2) \
-                 AND NOT EXISTS (SELECT 1 FROM materials o WHERE o.id = m.id AND o.visibility = 'public' \
-                 AND o.tenant <> $7 AND o.tenant < m.tenant)",
-                " ORDER BY m.created_at DESC, m.id DESC LIMIT $6",
-            ),
-        };
-        let statement = filtered(
-            start,
-            &[
-                (filter.quantity.is_some(), "m.quantity = $3"),
-                (
-                    filter.tag.is_some(),
-                    "EXISTS (SELECT 1 FROM material_tags t WHERE t.tenant = m.tenant AND t.material = m.id \
-                     AND t.tag = $4)",
-                ),
-                (filter.q.is_some(), "m.search LIKE $5 ESCAPE '\\'"),
-            ],
-            end,
-        );
-        let mut list = self.list().await?;
-        let rows = sqlx::query(statement)
-            .bind(after.created_at)
-            .bind(after.id)
-            .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
-            .bind(filter.tag.clone())
-            .bind(filter.q.as_deref().map(pattern))
-            .bind(limit as i64 + 1)
-            .bind(self.tenant.to_string())
-            .fetch_all(&mut *list)
-            .await?;
-        list.commit().await?;
+        if sight == Sight::Own {
+            return self.materials(filter, after, limit).await;
+        }
+        let rows = self.material_page(sight, filter, after, limit).await?;
         let materials = self.with_tags(&rows).await?;
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
@@ -215,7 +162,7 @@ impl Catalog {
             }
         }
         for material in &mut materials {
-            material.tags.sort_unstable();
+            material.sort_tags();
         }
         Ok(materials)
     }
@@ -231,6 +178,7 @@ fn visible(id: Digest, row: &AnyRow, sight: Sight) -> Result<Visible, CatalogErr
 mod tests {
     use super::*;
     use crate::catalog::{Deleted, NewMaterial, testing};
+    use crate::domain::Quantity;
     use std::collections::BTreeSet;
 
     fn material(text: &str) -> NewMaterial {

@@ -135,7 +135,11 @@ mod tests {
     async fn every_table_is_copied_or_left_out_on_purpose() {
         for (catalog, _guard) in testing::catalogs().await {
             let query = match catalog.dialect {
-                Dialect::Sqlite => "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%'",
+                // The search index is made by triggers, also while a copy is filled in.
+                Dialect::Sqlite => {
+                    "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' \
+                     AND name NOT LIKE 'm%\\_texts' ESCAPE '\\' AND name NOT LIKE 'm%\\_words%' ESCAPE '\\'"
+                }
                 Dialect::Postgres => {
                     "SELECT CAST(tablename AS TEXT) FROM pg_tables WHERE schemaname = current_schema()"
                 }

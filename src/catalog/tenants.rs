@@ -2,6 +2,7 @@
 
 use super::database::Catalog;
 use super::error::{CatalogError, tenant};
+use super::search::composed;
 use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
@@ -147,7 +148,7 @@ impl Catalog {
     /// Creates a tenant with the given name, weight in the queue of jobs, and limits.
     pub(crate) async fn create_tenant(&self, id: &Tenant, change: &TenantChange) -> Result<Settled, CatalogError> {
         let turn = self.turn().await;
-        let name = change.name.clone().unwrap_or_else(|| id.to_string());
+        let name = change.name.as_deref().map_or_else(|| id.to_string(), composed);
         let inserted = sqlx::query(
             self.sql("INSERT INTO tenants (id, name, created_at) VALUES ($1, $2, {now}) ON CONFLICT DO NOTHING"),
         )
@@ -177,7 +178,7 @@ impl Catalog {
              most_requests = CASE WHEN $11 <> 0 THEN $12 ELSE most_requests END WHERE id = $1",
         )
         .bind(id.to_string())
-        .bind(change.name.clone())
+        .bind(change.name.as_deref().map(composed))
         .bind(change.state.map(|state| state.name().to_owned()))
         .bind(change.weight.map(|weight| weight.clamp(1, MOST_WEIGHT) as i64))
         .bind(changes(change.bytes))
@@ -274,7 +275,12 @@ mod tests {
             assert_eq!(catalog.create_tenant(&lab, &change).await.unwrap(), Settled::Taken);
             let other: Tenant = "other".parse().unwrap();
             assert_eq!(catalog.create_tenant(&other, &change).await.unwrap(), Settled::Taken, "the name is taken");
-            catalog.create_tenant(&other, &TenantChange::default()).await.unwrap();
+            let named = |name: &str| TenantChange { name: Some(name.to_owned()), ..TenantChange::default() };
+            let Settled::Row(row) = catalog.create_tenant(&other, &named("Mu\u{308}he")).await.unwrap() else {
+                panic!()
+            };
+            assert_eq!(row.name, "Mühe");
+            assert_eq!(catalog.change_tenant(&lab, &named("Mühe")).await.unwrap(), Settled::Taken);
             assert_eq!(catalog.change_tenant(&other, &change).await.unwrap(), Settled::Taken);
 
             let close = TenantChange {

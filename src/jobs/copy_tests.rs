@@ -7,7 +7,7 @@ use super::publish::Published;
 use super::publish::tests::stored;
 use super::site::Site;
 use super::site::tests::sites;
-use crate::catalog::{Deleted, Ended, Ending, JobState, NewJob, NewMaterial, Priority};
+use crate::catalog::{Deleted, Ended, Ending, JobState, MaterialFilter, NewJob, NewMaterial, Priority};
 use crate::domain::Quantity;
 use crate::store::{Digest, FOLDER, Object, Place, contract};
 use futures::TryStreamExt;
@@ -75,6 +75,8 @@ async fn is_whole(archive: &Archive, files: &[(Digest, Vec<u8>)], material: Dige
     assert_eq!(archive.get(material).await.unwrap(), b"a material".as_slice());
     let row = archive.catalog.material(material).await.unwrap().unwrap();
     assert_eq!(row.tags, ["office"]);
+    let filter = MaterialFilter { q: Some("ffic".to_owned()), ..MaterialFilter::default() };
+    assert_eq!(archive.catalog.materials(&filter, None, 9).await.unwrap().items.len(), 1);
     let state = async |id: &str| archive.catalog.job(id).await.unwrap().unwrap();
     assert_eq!(state("1 ended").await.material, Some(material));
     let running = state("2 running").await;
