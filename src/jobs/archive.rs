@@ -132,7 +132,7 @@ impl Archive {
         if let Place::Directory(directory) = &place {
             // Nothing is left in an empty mount point.
             let is_bare = matches!(directory.join(INSTANCE).try_exists(), Ok(false));
-            if is_bare && catalog.has_claimed_store().await? && catalog.copied_from().await?.is_none() {
+            if is_bare && catalog.has_claimed_store().await? && catalog.copied_from(false).await?.is_none() {
                 return Err(lacks_id(&place, &database, &catalog.instance().await?));
             }
             std::fs::create_dir_all(directory)
