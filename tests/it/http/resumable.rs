@@ -146,6 +146,8 @@ async fn what_arrived_before_a_break_is_kept() {
     }
 }
 
+const MIB: usize = 1 << 20;
+
 /// Begins a request of `length` bytes over a connection of its own, to which its bytes are written.
 async fn sending(base: &str, method: &str, path: &str, headers: &str, length: usize) -> TcpStream {
     let address = base.trim_start_matches("http://");
@@ -159,20 +161,19 @@ async fn sending(base: &str, method: &str, path: &str, headers: &str, length: us
     stream
 }
 
-/// Waits until temporary files of `data` have so many bytes, and returns their sizes.
-async fn staged(data: &Path, files: usize, bytes: u64) {
+/// Waits until so many parts are being received that have `mib` MiB at least and are not complete.
+async fn staged(data: &Path, files: usize, mib: usize) {
+    let begun = (mib * MIB) as u64..(15 * MIB) as u64;
     loop {
         let entries = std::fs::read_dir(data.join("staging")).unwrap();
         // A file may be published meanwhile.
         let sizes: Vec<u64> = entries.filter_map(|entry| Some(entry.ok()?.metadata().ok()?.len())).collect();
-        if sizes.iter().filter(|size| **size >= bytes).count() >= files {
+        if sizes.iter().filter(|size| begun.contains(size)).count() == files {
             return;
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
-
-const MIB: usize = 1 << 20;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_keeps_what_has_come_answers_and_frees_the_upload() {
@@ -193,7 +194,11 @@ async fn a_stop_keeps_what_has_come_answers_and_frees_the_upload() {
     let sum = format!("{offset_0}Upload-Checksum: sha256 {}\r\n", ring_sha256(LAMP));
     let mut summed = sending(&first.base, "PATCH", &checked, &sum, LAMP.len()).await;
     summed.write_all(&LAMP[..50]).await.unwrap();
-    staged(data.path(), 2, 2 * MIB as u64).await;
+    // The second part of the first one, the first part of the other, and the one with a checksum.
+    while std::fs::read_dir(data.path().join("staging")).unwrap().count() != 3 {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    staged(data.path(), 2, 2).await;
     let stopped = tokio::spawn(first.stop());
     let mut answers = [String::new(), String::new(), String::new()];
     long.read_to_string(&mut answers[0]).await.unwrap();
@@ -232,7 +237,7 @@ async fn a_killed_process_loses_one_part_of_a_long_request() {
     while std::fs::read_dir(data.path().join("uploads")).map_or(0, Iterator::count) < 2 {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    staged(data.path(), 1, 3 * MIB as u64).await;
+    staged(data.path(), 1, 3).await;
     program.kill();
     let program = Program::start(data.path());
     let kept = loop {
