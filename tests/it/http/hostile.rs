@@ -61,9 +61,8 @@ async fn a_transfer_coding_other_than_chunked_is_refused() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;
     let post = async |coding: &str| {
-        let head = format!(
-            "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-type: application/json\r\n"
-        );
+        let head =
+            "POST /v1/jobs HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-type: application/json\r\n";
         let words = format!("{head}transfer-encoding: {coding}\r\n\r\n2\r\n{{}}\r\n0\r\n\r\n");
         service.talk(words.as_bytes()).await
     };
