@@ -30,7 +30,8 @@ use tokio_util::task::{AbortOnDropHandle, TaskTracker};
 const COMPLAINT: Duration = Duration::from_secs(10);
 
 /// Time after the drain time for which the service waits until the bytes of resumable uploads that have come are
-/// stored. Raising it loses fewer of them with a slow store, and delays the end of the service where the store stays away.
+/// stored. Raising it loses fewer of them with a slow store, and delays the end of the service where the store stays
+/// away.
 const STORING: Duration = Duration::from_secs(30);
 
 /// Configuration of a service; [`ServeConfig::new`] has defaults for everything but data directory and address.
