@@ -70,7 +70,8 @@ async fn readyz(app: App) -> Result<&'static str, Problem> {
         return Err(Problem::new(Kind::Unavailable, "stopping: running requests and jobs end"));
     }
     app.engine.archive.catalog.ping().await?;
-    let staging = app.engine.archive.staging.clone();
+    // A disk with space for deletions alone is no reason to send readers elsewhere.
+    let staging = app.engine.archive.staging.clone().keeping(0);
     let staged = tokio::task::spawn_blocking(move || staging.stage(b"ready?").map(drop)).await;
     staged.map_err(|error| Problem::internal(&error))??;
     app.engine.archive.answers().await.map_err(|reason| Problem::away(&reason))?;

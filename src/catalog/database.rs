@@ -1,6 +1,6 @@
 //! The catalog's database: opened, and written in transactions that are repeated where that is safe.
 
-use super::dialect::Dialect;
+use super::dialect::{Dialect, PRAGMAS};
 use super::error::CatalogError;
 use super::file::{self, check};
 use super::lock::Readiness;
@@ -219,9 +219,9 @@ impl Catalog {
     }
 
     /// Runs a whole database operation, and repeats it after a short pause if another transaction was in its way or its
-    /// connection broke. If the disk is full, it is repeated in the space that the log or the reserve gives up. Its argument is true for a repetition: the earlier try may have been committed although its
-    /// answer was lost.
-    pub(super) async fn repeat<T, F>(&self, operation: impl Fn(bool) -> F) -> Result<T, CatalogError>
+    /// connection broke; if the disk is full, in the space that the log or the reserve gives up. Its argument is true
+    /// for a repetition: the earlier try may have been committed although its answer was lost.
+    pub(crate) async fn repeat<T, F>(&self, operation: impl Fn(bool) -> F) -> Result<T, CatalogError>
     where
         F: Future<Output = Result<T, CatalogError>>,
     {
@@ -235,7 +235,7 @@ impl Catalog {
                     tokio::time::sleep(pause + Duration::from_millis(u64::from(jitter))).await;
                     pause *= 2;
                 }
-                Err(error) if error.is_full() && tried < TRIES && self.find_space().await => {}
+                Err(error) if error.is_full() && tried < TRIES && self.find_space(tried > 1).await => {}
                 Err(error) if error.is_full() => {
                     self.readiness.failed();
                     return Err(CatalogError::NoSpace);
@@ -249,20 +249,27 @@ impl Catalog {
         }
         Err(CatalogError::Locked)
     }
-}
 
-impl Catalog {
-    /// Frees space on the full disk of a SQLite file: that of its log, as far as its pages are in the file already, or
-    /// else that of the reserve. Returns true if there is space now.
-    async fn find_space(&self) -> bool {
+    /// Frees space on the full disk of a SQLite file: that of its log, as far as its pages fit into the file; if that is
+    /// nothing, or did not suffice before (`again`), that of the reserve. Returns true if there is space now.
+    async fn find_space(&self, again: bool) -> bool {
         let Some(file) = self.place.file() else { return false };
         let log = file::log_of(file);
         let size = || std::fs::metadata(&log).map_or(0, |metadata| metadata.len());
         let before = size();
         let _turn = self.turn().await;
-        // Fails while another process reads; the reserve helps then.
-        let emptied = self.pool.execute("PRAGMA wal_checkpoint(TRUNCATE)").await;
-        emptied.is_ok() && size() < before || self.reserve.as_ref().is_some_and(Reserve::give_up)
+        let emptied = self.empty_log().await.is_ok() && size() < before;
+        emptied && !again || self.reserve.as_ref().is_some_and(Reserve::give_up) || emptied
+    }
+
+    /// Moves the pages of the log of a SQLite file into the file, and cuts the log. A long reader prevents the cut, and is
+    /// hardly waited for, because all writers wait meanwhile.
+    async fn empty_log(&self) -> Result<(), sqlx::Error> {
+        let mut connection = self.pool.acquire().await?;
+        connection.execute("PRAGMA busy_timeout = 500").await?;
+        let emptied = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").await;
+        connection.execute(PRAGMAS[0]).await?;
+        emptied.map(drop)
     }
 }
 
@@ -318,7 +325,7 @@ impl Write {
 
 #[cfg(test)]
 mod tests {
-    use crate::catalog::{Catalog, CatalogError, Database, testing};
+    use crate::catalog::{Catalog, CatalogError, Database, Dialect, testing};
     use sqlx::Executor;
     use std::time::Duration;
 
@@ -368,6 +375,17 @@ mod tests {
         catalog.ping().await.unwrap();
         assert!(catalog.readiness.is_fresh(), "a row was written");
         full().await.unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_full_disk_of_the_server_is_told_from_other_faults() {
+        for (catalog, _guard) in testing::catalogs().await {
+            if catalog.dialect() == Dialect::Postgres {
+                let raise = "DO $$ BEGIN RAISE EXCEPTION 'no space' USING ERRCODE = '53100'; END $$";
+                let full = catalog.repeat(|_| async { Ok(catalog.pool.execute(raise).await?) }).await;
+                assert!(matches!(full, Err(CatalogError::NoSpace)), "{full:?}");
+            }
+        }
     }
 
     #[tokio::test]

@@ -11,10 +11,14 @@ pub(super) const NOT_A_DATABASE: u32 = 26;
 /// Extended result code of SQLite for an index of the log (the `-shm` file) that cannot grow.
 const NO_ROOM_FOR_INDEX: u32 = 4874;
 
-/// Returns true if SQLite found no space on its disk.
+/// Error code (SQLSTATE) of PostgreSQL for a full disk.
+const DISK_FULL: &str = "53100";
+
+/// Returns true if the database found no space on its disk.
 pub(super) fn is_full(error: &sqlx::Error) -> bool {
-    let code = error.as_database_error().and_then(|error| error.code()?.parse::<u32>().ok());
-    primary(error) == Some(FULL) || code == Some(NO_ROOM_FOR_INDEX)
+    let code = error.as_database_error().and_then(|error| error.code());
+    let code = code.as_deref().unwrap_or_default();
+    code == DISK_FULL || code.parse() == Ok(NO_ROOM_FOR_INDEX) || primary(error) == Some(FULL)
 }
 
 /// Returns true if the disk of a SQLite file has failed, or has no space.

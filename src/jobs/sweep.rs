@@ -57,7 +57,7 @@ impl Archive {
     /// grace period, and a client that is reading one gets an error.
     pub(crate) async fn sweep_with(&self, limits: &Limits, now: bool) -> Result<SweepReport, ArchiveError> {
         let mut report = if now {
-            self.catalog.end_grace().await?;
+            self.catalog.repeat(|_| self.catalog.end_grace()).await?;
             self.sweep_within(&Limits { grace: Duration::ZERO, ..limits.clone() }, &|| false).await?
         } else {
             self.sweep_within(limits, &|| false).await?
@@ -88,10 +88,13 @@ impl Archive {
             keys: KEYS,
             acts: limits.keep_audit,
         };
-        let forgotten_jobs = self.catalog.forget(&ages).await?;
-        self.catalog.forget_partials(REMEMBERED).await?;
+        // Each step is repeated where a full disk stopped it: this is the way out of one.
+        let catalog = &self.catalog;
+        let forgotten_jobs = catalog.repeat(|_| catalog.forget(&ages)).await?;
+        catalog.repeat(|_| catalog.forget_partials(REMEMBERED)).await?;
         let mut report = SweepReport { removed_staging, forgotten_jobs, ..SweepReport::default() };
-        while self.catalog.doom_expired(AT_ONCE, LATE).await? == u64::from(AT_ONCE) && !stopped() {}
+        let doom_expired = || catalog.repeat(|_| catalog.doom_expired(AT_ONCE, LATE));
+        while doom_expired().await? == u64::from(AT_ONCE) && !stopped() {}
         self.doom(limits.grace, stopped).await?;
         self.delete(&mut report, stopped).await?;
         // Last, and without consequence: neither may keep what is to be deleted.
@@ -127,7 +130,8 @@ impl Archive {
                 if stopped() {
                     return Ok(());
                 }
-                if let Doom::Doomed(bytes) = self.catalog.of(tenant).doom_unnamed(*digest, grace).await? {
+                let catalog = self.catalog.of(tenant);
+                if let Doom::Doomed(bytes) = catalog.repeat(|_| catalog.doom_unnamed(*digest, grace)).await? {
                     tracing::debug!(%tenant, %digest, bytes, "no row of the catalog refers to these bytes any more");
                 }
             }
@@ -140,7 +144,7 @@ impl Archive {
     /// Deletes the objects that are due for deletion from the store.
     async fn delete(&self, report: &mut SweepReport, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), ArchiveError> {
         while !stopped() {
-            let taken = self.catalog.take_doomed(AT_ONCE, TAKEN).await?;
+            let taken = self.catalog.repeat(|_| self.catalog.take_doomed(AT_ONCE, TAKEN)).await?;
             if taken.is_empty() {
                 return Ok(());
             }
@@ -161,7 +165,7 @@ impl Archive {
                     Err(error) => failure = Some(error),
                 }
             }
-            self.catalog.deleted(&gone).await?;
+            self.catalog.repeat(|_| self.catalog.deleted(&gone)).await?;
             // The others are tried again when they are due.
             if let Some(error) = failure {
                 return Err(error.into());
