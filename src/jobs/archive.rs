@@ -4,7 +4,6 @@
 //! and no process uses a store with another id: a catalog that was restored from a backup beside the running one would
 //! otherwise delete what the original still names.
 
-use super::blobs::BlobError;
 use super::site::Site;
 use crate::catalog::{Catalog, CatalogError, Database, Dialect, Reserve};
 use crate::store::{Disk, Place, Staging, Store, StoreError};
@@ -161,7 +160,7 @@ impl Archive {
     }
 
     /// Fails if a disk of this service has no more space than is kept for deletions.
-    pub(crate) async fn has_room(&self) -> Result<(), BlobError> {
+    pub(crate) async fn has_room(&self) -> Result<(), ArchiveError> {
         self.has_room_for_rows().await?;
         let staging = self.staging.clone();
         let looked = tokio::task::spawn_blocking(move || staging.has_room()).await;
