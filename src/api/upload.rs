@@ -6,7 +6,7 @@ use super::pace::{Pace, Slow};
 use super::problem::{Kind, Problem};
 use super::state::App;
 use super::zstd::ZstdReader;
-use crate::jobs::{Client, Limits};
+use crate::jobs::{BlobError, Client, Limits};
 use crate::store::{Staged, StagedWriter, StoreError};
 use async_compression::tokio::bufread::GzipDecoder;
 use axum::body::Body;
@@ -97,8 +97,10 @@ pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Probl
     received
 }
 
-/// Refuses an upload of this size that the limits of the tenant do not allow, before its bytes are received.
+/// Refuses an upload of this size that the disks or the limits of the tenant do not allow, before its bytes are
+/// received.
 pub(crate) async fn lacks_room(app: &App, bytes: Option<u64>) -> Result<(), Problem> {
+    app.engine.archive.takes_upload(bytes.unwrap_or(0)).await.map_err(BlobError::from)?;
     let Some(bytes) = bytes else { return Ok(()) };
     let over = app.engine.archive.catalog.lacks_room(bytes, 0).await?;
     over.map_or(Ok(()), |over| Err(over.into()))

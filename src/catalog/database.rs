@@ -158,6 +158,15 @@ impl Catalog {
         if self.reserve.as_ref().is_some_and(Reserve::is_short) { Err(CatalogError::NoSpace) } else { Ok(()) }
     }
 
+    /// Fails if the disk of the catalog has no space for new rows of clients. Blocks the thread.
+    pub(crate) fn takes_rows(&self) -> Result<(), CatalogError> {
+        if self.reserve.as_ref().is_some_and(Reserve::is_short_for_clients) {
+            Err(CatalogError::NoSpace)
+        } else {
+            Ok(())
+        }
+    }
+
     /// Returns the tenant whose rows this catalog object reads and writes.
     pub(crate) fn tenant(&self) -> &Tenant {
         &self.tenant

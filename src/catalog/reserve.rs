@@ -32,6 +32,11 @@ impl Reserve {
         self.disk().is_ok_and(|disk| disk.is_short(self.wanted))
     }
 
+    /// Returns true if the disk has no space for new rows of clients.
+    pub(crate) fn is_short_for_clients(&self) -> bool {
+        self.disk().is_ok_and(|disk| disk.is_short_for_clients(self.wanted, 0))
+    }
+
     /// Returns the size of the reserve's file in bytes; 0 if the reserve was given up.
     pub(crate) fn held(&self) -> u64 {
         fs::metadata(&self.file).map_or(0, |metadata| metadata.len())

@@ -161,17 +161,38 @@ impl Archive {
 
     /// Fails if a disk of this service has no more space than is kept for deletions.
     pub(crate) async fn has_room(&self) -> Result<(), ArchiveError> {
-        self.has_room_for_rows().await?;
-        let staging = self.staging.clone();
-        let looked = tokio::task::spawn_blocking(move || staging.has_room()).await;
-        Ok(looked.map_err(|error| StoreError::Io(error.into()))??)
+        self.look_at_disks(|catalog, staging| {
+            catalog.has_room()?;
+            Ok(staging.has_room()?)
+        })
+        .await
     }
 
-    /// Fails if the disk of the catalog has no more space than is kept for deletions.
-    pub(crate) async fn has_room_for_rows(&self) -> Result<(), CatalogError> {
-        let catalog = self.catalog.clone();
-        // A task that ends without a result says nothing about the disk.
-        tokio::task::spawn_blocking(move || catalog.has_room()).await.unwrap_or(Ok(()))
+    /// Fails if a disk of this service has no space for an upload of `bytes` bytes.
+    pub(crate) async fn takes_upload(&self, bytes: u64) -> Result<(), ArchiveError> {
+        self.look_at_disks(move |catalog, staging| {
+            catalog.takes_rows()?;
+            Ok(staging.takes_upload(bytes)?)
+        })
+        .await
+    }
+
+    /// Fails if the disk of the catalog has no space for a further job, which may wait for space in the store.
+    pub(crate) async fn takes_job(&self) -> Result<(), CatalogError> {
+        let looked = self.look_at_disks(|catalog, _| Ok(catalog.takes_rows()?)).await;
+        looked.map_err(|error| match error {
+            ArchiveError::Catalog(error) => error,
+            _ => CatalogError::NoSpace,
+        })
+    }
+
+    async fn look_at_disks(
+        &self,
+        look: impl FnOnce(Catalog, Staging) -> Result<(), ArchiveError> + Send + 'static,
+    ) -> Result<(), ArchiveError> {
+        let (catalog, staging) = (self.catalog.clone(), self.staging.clone());
+        let looked = tokio::task::spawn_blocking(move || look(catalog, staging)).await;
+        looked.map_err(|error| StoreError::Io(error.into()))?
     }
 
     /// Measures the disks of the catalog, the store and the temporary files, as far as they are on this machine. Blocks

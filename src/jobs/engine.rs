@@ -131,8 +131,7 @@ impl Engine {
         request: &impl Queued,
         idempotency: Option<(String, Digest)>,
     ) -> Result<Enqueued, CatalogError> {
-        // A job waits where the store has no space, but its row needs some.
-        self.archive.has_room_for_rows().await?;
+        self.archive.takes_job().await?;
         let id = uuid::Uuid::now_v7().to_string();
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
         let frame = request.frame().map_err(refused)?;

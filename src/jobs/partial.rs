@@ -42,7 +42,6 @@ impl Engine {
         length: Option<u64>,
         metadata: String,
     ) -> Result<Begun, CatalogError> {
-        self.archive.has_room_for_rows().await?;
         let limits = &self.limits;
         let new = NewPartial { id: uuid::Uuid::now_v7().simple().to_string(), client, length, metadata };
         let of_tenant = |all, each| if self.by_tenant { most_of_tenant(all, each) } else { all };

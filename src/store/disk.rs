@@ -37,6 +37,13 @@ impl Disk {
     pub(crate) fn is_short(self, wanted: u64) -> bool {
         self.free < self.kept(wanted)
     }
+
+    /// Returns true if the disk has no space for `bytes` new bytes of clients. They leave twice the kept space free, so
+    /// that jobs which wait for a disk that uploads have filled still find space for their results.
+    pub(crate) fn is_short_for_clients(self, wanted: u64, bytes: u64) -> bool {
+        let kept = self.kept(wanted);
+        kept > 0 && self.free < kept.saturating_mul(2).saturating_add(bytes)
+    }
 }
 
 #[cfg(test)]
@@ -48,7 +55,10 @@ mod tests {
         let disk = Disk { free: 600 << 10, size: 8 << 20 };
         assert_eq!((disk.kept(16 << 20), disk.kept(1 << 10), disk.kept(0)), (512 << 10, LEAST, 0));
         assert!(!disk.is_short(16 << 20) && Disk { free: 500 << 10, ..disk }.is_short(16 << 20));
-        assert!(!Disk { free: 0, ..disk }.is_short(0));
+        assert!(!Disk { free: 0, ..disk }.is_short(0) && !Disk { free: 0, ..disk }.is_short_for_clients(0, 9));
+        let enough = Disk { free: 1030 << 10, ..disk };
+        assert!(disk.is_short_for_clients(16 << 20, 0) && !enough.is_short_for_clients(16 << 20, 0));
+        assert!(enough.is_short_for_clients(16 << 20, 10 << 10));
         assert!(Disk::of(Path::new("/")).unwrap().size > 0);
     }
 }

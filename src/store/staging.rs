@@ -89,6 +89,14 @@ impl Staging {
         Ok(())
     }
 
+    /// Fails if the disk has no space for an upload of `bytes` bytes. Blocks the thread.
+    pub(crate) fn takes_upload(&self, bytes: u64) -> Result<(), StoreError> {
+        if self.kept > 0 && Disk::of(&self.directory)?.is_short_for_clients(self.kept, bytes) {
+            return Err(StoreError::NoSpace { directory: self.directory.clone() });
+        }
+        Ok(())
+    }
+
     /// Lets the names of further temporary files begin with the id of the process that makes them, so that they can be
     /// removed once it has died.
     pub(crate) fn owned_by(self, id: &str) -> Self {

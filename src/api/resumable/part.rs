@@ -9,7 +9,7 @@ use crate::api::pace::Pace;
 use crate::api::problem::{Kind, Problem};
 use crate::api::state::App;
 use crate::catalog::{Held, Partial};
-use crate::jobs::Holding;
+use crate::jobs::{BlobError, Holding};
 use crate::store::{Staged, StagedWriter, StoreError};
 use axum::body::{Body, BodyDataStream, Bytes};
 use bytes::BytesMut;
@@ -231,6 +231,7 @@ impl<'a> Incoming<'a> {
     /// Writes the next part of the body, up to the piece with which it has `most` bytes, to a temporary file. Returns
     /// the end of the body, too, if this part is the last one.
     async fn part(&mut self, most: u64) -> Result<(Staged, Option<End>), Problem> {
+        self.app.engine.archive.takes_upload(0).await.map_err(BlobError::from)?;
         let staging = self.app.engine.archive.staging.clone();
         let mut writer = blocking(move || staging.begin()).await?;
         let (mut buffer, before) = (BytesMut::new(), self.total);
