@@ -62,8 +62,8 @@ const TRIES: u32 = 5;
 /// Pause before a failed database operation is tried a second time; it doubles before each further try.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// Free space in bytes below which the log of a SQLite file is kept small, so that it does not fill the disk. Raising it
-/// writes more often into the file itself.
+/// Free space in bytes below which the log of a SQLite file is kept small, so that it does not fill the disk. Raising
+/// it writes more often into the file itself.
 const SMALL_DISK: u64 = 64 << 20;
 
 /// Statement for a connection to a SQLite file on a disk with little space: the log goes into the file after 32 pages.
@@ -259,8 +259,8 @@ impl Catalog {
         Err(CatalogError::Locked)
     }
 
-    /// Frees space on the full disk of a SQLite file: that of its log, as far as its pages fit into the file; if that is
-    /// nothing, or did not suffice before (`again`), that of the reserve. Returns true if there is space now.
+    /// Frees space on the full disk of a SQLite file: that of its log, as far as its pages fit into the file; if that
+    /// is nothing, or did not suffice before (`again`), that of the reserve. Returns true if there is space now.
     async fn find_space(&self, again: bool) -> bool {
         let Some(file) = self.place.file() else { return false };
         let log = file::log_of(file);
@@ -271,8 +271,8 @@ impl Catalog {
         emptied && !again || self.reserve.as_ref().is_some_and(Reserve::give_up) || emptied
     }
 
-    /// Moves the pages of the log of a SQLite file into the file, and cuts the log. A long reader prevents the cut, and is
-    /// hardly waited for, because all writers wait meanwhile.
+    /// Moves the pages of the log of a SQLite file into the file, and cuts the log. A long reader prevents the cut, and
+    /// is hardly waited for, because all writers wait meanwhile.
     async fn empty_log(&self) -> Result<(), sqlx::Error> {
         let mut connection = self.pool.acquire().await?;
         connection.execute("PRAGMA busy_timeout = 500").await?;

@@ -14,9 +14,9 @@ const PATIENCE: Duration = Duration::from_secs(1);
 impl Catalog {
     /// Checks within about two seconds that the catalog's database answers and can be written.
     ///
-    /// Never waits for a writer: a write of this process within the last 5 s is proof enough, unless the last one failed.
-    /// Otherwise a separate connection looks whether the write lock is free, and a row is written through the pool that
-    /// requests use.
+    /// Never waits for a writer: a write of this process within the last 5 s is proof enough, unless the last one
+    /// failed. Otherwise a separate connection looks whether the write lock is free, and a row is written through the
+    /// pool that requests use.
     pub(crate) async fn ping(&self) -> Result<(), CatalogError> {
         let read = sqlx::query("SELECT 1 FROM facts LIMIT 1").fetch_optional(&self.pool);
         timeout(PATIENCE, read).await.map_err(|_| self.silent())??;

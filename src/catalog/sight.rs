@@ -122,8 +122,8 @@ impl Catalog {
     }
 
     /// Returns a page of materials that this tenant may read, newest first: its own, those shared with it, or other
-    /// tenants' public ones. A public material that several tenants have is listed once. Source measurements and readers
-    /// of others' materials are left out, because they are the owners' business.
+    /// tenants' public ones. A public material that several tenants have is listed once. Source measurements and
+    /// readers of others' materials are left out, because they are the owners' business.
     pub(crate) async fn visible_materials(
         &self,
         sight: Sight,

@@ -7,8 +7,8 @@ use std::path::Path;
 /// Largest part of a disk that is kept free: one part in so many. Raising it leaves more of a small disk to data.
 const PART: u64 = 16;
 
-/// Smallest space in bytes that is kept free if any is: a few pages of a database and of its log. Raising it wastes more
-/// of a tiny disk.
+/// Smallest space in bytes that is kept free if any is: a few pages of a database and of its log. Raising it wastes
+/// more of a tiny disk.
 const LEAST: u64 = 64 << 10;
 
 /// Free space of a disk, and the size of the disk, in bytes.

@@ -1,5 +1,6 @@
 -- Fills an empty catalog on SQLite with :materials materials of one measurement each; :document is that of a material.
--- One in 5,000 is rare in its tag, another one in its quantity; those two are public, and shared with the tenant `reader`.
+-- One in 5,000 is rare in its tag, another one in its quantity; those two are public, and shared with the tenant
+-- `reader`.
 INSERT INTO tenants (id, name, created_at) VALUES ('reader', 'reader', 0) ON CONFLICT DO NOTHING;
 INSERT INTO materials (tenant, id, visibility, payload, quantity, bytes, name, search, document, created_at)
     WITH RECURSIVE numbers (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM numbers WHERE i < :materials)
