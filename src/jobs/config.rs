@@ -157,8 +157,8 @@ limits! {
     }
     "Disk" {
         /// Space that jobs leave free on the disks of the catalog, the store and the temporary files, so that deletions
-        /// still work; a small disk keeps a sixteenth. Uploads leave twice as much. Beside a SQLite catalog a file holds
-        /// as much in reserve, which is given up when the disk is full. 0 keeps none.
+        /// still work; a small disk keeps a sixteenth. Uploads leave twice as much. Beside a SQLite catalog a file
+        /// holds as much in reserve, which is given up when the disk is full. 0 keeps none.
         disk_reserve: u64 = 16 << 20, Bytes >= 0;
     }
     "Checking" {
