@@ -25,7 +25,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let report = block_on(async {
         let archive = Archive::look_after(&args.site.site()).await.map_err(Failure::failed)?;
-        archive.backup(&args.dest, args.check).await.map_err(Failure::failed)
+        let report = archive.backup(&args.dest, args.check).await;
+        archive.catalog.close().await;
+        report.map_err(Failure::failed)
     })?;
     show(&report, &report.files, report.rows, "", args.json)
 }

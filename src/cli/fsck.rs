@@ -32,7 +32,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let check = Check { sample: args.sample, repair: args.repair };
     let report = block_on(async {
         let archive = Archive::look_after(&args.site.site()).await.map_err(Failure::failed)?;
-        archive.check_within(check).await.map_err(Failure::failed)
+        let report = archive.check_within(check).await;
+        archive.catalog.close().await;
+        report.map_err(Failure::failed)
     })?;
     if args.json {
         print_json(&report)?;

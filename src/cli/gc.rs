@@ -40,7 +40,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         } else {
             archive.check_clock().await.map_err(Failure::failed)?;
         }
-        archive.sweep_with(&config.limits, args.now).await.map_err(Failure::failed)
+        let report = archive.sweep_with(&config.limits, args.now).await;
+        archive.catalog.close().await;
+        report.map_err(Failure::failed)
     })?;
     if args.json {
         return print_json(&report);

@@ -18,6 +18,8 @@ pub(crate) enum Failure {
     /// Stored bytes that the job reads are missing or damaged. They may be back for another attempt; the job is dead
     /// after the last one.
     Damaged,
+    /// The attempt to run the job found no space on a disk: the job waits, and the attempt does not count.
+    NoSpace(String),
     /// The attempt to run the job was stopped on request.
     Stopped,
     /// The job, or its measurement, contains something that only a newer version understands: a newer worker must take
@@ -64,6 +66,9 @@ impl From<MathsError> for Failure {
 
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
+        if error.is_full() {
+            return Self::NoSpace(error.to_string());
+        }
         match error {
             StoreError::Corrupt { .. } | StoreError::NotFound(_) | StoreError::Range { .. } => {
                 tracing::error!(%error, "stored bytes that a job reads are missing or damaged");
@@ -86,6 +91,6 @@ impl From<BlobError> for Failure {
 
 impl From<CatalogError> for Failure {
     fn from(error: CatalogError) -> Self {
-        Self::Passing(error.to_string())
+        if error.is_full() { Self::NoSpace(error.to_string()) } else { Self::Passing(error.to_string()) }
     }
 }

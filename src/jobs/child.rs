@@ -12,7 +12,7 @@ use rayon::ThreadPoolBuilder;
 use rustix::process::{Resource, Rlimit, setrlimit};
 use serde_json::Value;
 use std::fs::{self, OpenOptions};
-use std::io::{self, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, PoisonError};
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -99,6 +99,7 @@ fn work(order: Order<Value>, progress: &Out) -> Message {
         Err(Failure::Final(problem)) => return Message::Failed(problem),
         Err(Failure::Newer(detail)) => return Message::Newer(detail),
         Err(Failure::Passing(detail)) => return Message::Passing(detail),
+        Err(Failure::NoSpace(detail)) => return Message::NoSpace(detail),
         Err(Failure::Stopped | Failure::Damaged) => {
             return Message::Passing("the computation stopped by itself".to_owned());
         }
@@ -106,6 +107,9 @@ fn work(order: Order<Value>, progress: &Out) -> Message {
     let create = OpenOptions::new().write(true).create_new(true).open(&order.result);
     match create.and_then(|mut file| file.write_all(&bytes)) {
         Ok(()) => Message::Made(report),
+        Err(error) if matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded) => {
+            Message::NoSpace(format!("the result of the job: {error}"))
+        }
         Err(error) => Message::Passing(format!("the result of the job: {error}")),
     }
 }

@@ -37,8 +37,10 @@ pub(super) enum Message {
     Made(Option<Box<Report>>),
     /// The computation failed for good.
     Failed(JobProblem),
-    /// The computation failed for a transient reason, such as a full disk.
+    /// The computation failed for a transient reason.
     Passing(String),
+    /// The disk of the result has no space.
+    NoSpace(String),
     /// Only a newer version understands the computation.
     Newer(String),
     /// The computation needs more memory than its limit.

@@ -76,6 +76,7 @@ pub(super) async fn compute(
         End::Said(Message::Failed(problem)) => Err(Failure::Final(problem)),
         End::Said(Message::Newer(detail)) => Err(Failure::Newer(detail)),
         End::Said(Message::Passing(detail)) => Err(Failure::Passing(detail)),
+        End::Said(Message::NoSpace(detail)) => Err(Failure::NoSpace(detail)),
         End::Said(Message::OutOfMemory | Message::Progress(_)) | End::Died(Cause::Allocation, _) => Err(last(
             Code::OutOfMemory,
             format!(

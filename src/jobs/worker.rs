@@ -94,8 +94,10 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
         match engine.claim().await {
             Ok(Some(job)) => {
                 pause = Duration::ZERO;
-                if attempt(&engine, &job, &stop).await == Store::Away {
-                    until_back(&engine, &stop).await;
+                match attempt(&engine, &job, &stop).await {
+                    Store::Here => {}
+                    Store::Away => until_back(&engine, &stop).await,
+                    Store::Full => pause = SHORT_OF_SPACE,
                 }
             }
             Ok(None) => pause = LOOK,
@@ -134,6 +136,8 @@ enum Store {
     Here,
     /// The attempt failed, and afterwards the store did not answer or did not belong to this catalog.
     Away,
+    /// The attempt found no space on a disk.
+    Full,
 }
 
 /// Waits until the store answers and belongs to this catalog, or until `stop`, so that a worker that does not reach the
@@ -174,6 +178,11 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             made.ended
         }
         Ok(Err(Failure::Final(problem))) => Ended::Failed(problem.to_json()),
+        Ok(Err(Failure::NoSpace(detail))) => {
+            store = Store::Full;
+            tracing::warn!(job = job.id, detail, "a disk is full: the job waits, and the attempt does not count");
+            Ended::Released
+        }
         Ok(Err(failure @ (Failure::Passing(_) | Failure::Damaged))) => match engine.archive.answers().await {
             Err(reason) => {
                 store = Store::Away;
