@@ -268,7 +268,10 @@ impl Catalog {
         let before = size();
         let _turn = self.turn().await;
         let emptied = self.empty_log().await.is_ok() && size() < before;
-        emptied && !again || self.reserve.as_ref().is_some_and(Reserve::give_up) || emptied
+        if emptied && !again {
+            return true;
+        }
+        self.reserve.as_ref().is_some_and(Reserve::give_up) || emptied
     }
 
     /// Moves the pages of the log of a SQLite file into the file, and cuts the log. A long reader prevents the cut, and

@@ -85,7 +85,7 @@ impl Reserve {
 /// Writes bytes to a file on a file system that cannot allocate space by itself.
 fn fill(mut file: &fs::File, bytes: u64) -> io::Result<()> {
     // Not zeros, which some file systems do not store.
-    let piece = [0x5A_u8; 1 << 16];
+    let piece = vec![0x5A_u8; 1 << 16];
     let mut left = bytes;
     while left > 0 {
         let length = left.min(piece.len() as u64);

@@ -1,5 +1,7 @@
 //! Result codes of SQLite, by which its faults are told apart.
 
+use sqlx::error::DatabaseError;
+
 pub(super) const BUSY: u32 = 5;
 pub(super) const READ_ONLY: u32 = 8;
 pub(super) const IO: u32 = 10;
@@ -16,7 +18,7 @@ const DISK_FULL: &str = "53100";
 
 /// Returns true if the database found no space on its disk.
 pub(super) fn is_full(error: &sqlx::Error) -> bool {
-    let code = error.as_database_error().and_then(|error| error.code());
+    let code = error.as_database_error().and_then(DatabaseError::code);
     let code = code.as_deref().unwrap_or_default();
     code == DISK_FULL || code.parse() == Ok(NO_ROOM_FOR_INDEX) || primary(error) == Some(FULL)
 }
