@@ -274,7 +274,7 @@ fn files_in_the_making_go_with_the_process_that_was_making_them() {
     let until = |number: usize| {
         let start = Instant::now();
         while staged() != number {
-            assert!(start.elapsed() < Duration::from_secs(60), "{} files", staged());
+            assert!(start.elapsed() < Duration::from_mins(1), "{} files", staged());
             std::thread::sleep(Duration::from_millis(20));
         }
     };
