@@ -53,7 +53,7 @@ pub(crate) struct Watched {
     pub(crate) end: Option<Instant>,
 }
 
-/// Difference that the clocks of the machine that makes tokens and links and of this one may have.
+/// Largest difference allowed between the clock of this machine and that of the machine that made a token or a link.
 const SKEW: Duration = Duration::from_secs(crate::trust::SKEW);
 
 /// Id of an HTTP request, stored in the extensions of the request.

@@ -15,9 +15,18 @@ use tokio::time::sleep;
 
 /// Returns the path of the write-ahead log of the SQLite file `file`.
 pub(super) fn log_of(file: &Path) -> PathBuf {
-    let mut log = file.as_os_str().to_owned();
-    log.push("-wal");
-    log.into()
+    beside(file, "-wal")
+}
+
+/// Returns the path of the index of that log, which processes share.
+pub(super) fn index_of(file: &Path) -> PathBuf {
+    beside(file, "-shm")
+}
+
+fn beside(file: &Path, suffix: &str) -> PathBuf {
+    let mut name = file.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
 }
 
 /// Returns the SQLite URL of `file`, with the path percent-encoded. A missing file is an error when it is opened.

@@ -2,12 +2,12 @@
 
 use super::dialect::PRAGMAS;
 use super::error::CatalogError;
-use super::file::{directory_of, look, url, url_to_read};
+use super::file::{directory_of, index_of, log_of, look, url, url_to_read};
 use rustix::fs::{Access, access};
 use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, SystemTime};
 use tempfile::TempDir;
@@ -18,12 +18,12 @@ pub(super) struct Reading {
     _copy: Option<TempDir>,
 }
 
-/// Number of times that a file is copied before the program gives up because it is written to. Raising it waits longer
-/// for a moment without a writer.
+/// Number of times that a file is copied before the program gives up because it is written to. Raising it lets the
+/// command wait longer until nobody writes.
 const TRIES: u32 = 50;
 
-/// Pause before a file is copied again, and age of a change that the time of a file shows for certain. Raising it waits
-/// longer for a moment without a writer.
+/// Pause before a file is copied again, and age of a change that the time of a file shows for certain. Raising it makes
+/// commands slower, and lets them wait longer until nobody writes.
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// Returns true if this user may write a SQLite file, and make files beside it, as SQLite does.
@@ -38,7 +38,7 @@ pub(super) fn may_write(file: &Path) -> bool {
 pub(super) async fn readable(file: &Path) -> Result<(String, Reading), CatalogError> {
     let unusable = |reason: String| CatalogError::Unusable { file: file.to_owned(), reason };
     access(file, Access::READ_OK).map_err(|error| unusable(format!("this user may not read it ({error})")))?;
-    if log(file).exists() && beside(file, "-shm").exists() {
+    if log_of(file).exists() && index_of(file).exists() {
         let url = url_to_read(file)?;
         if look(&url, &PRAGMAS).await.is_ok() {
             return Ok((url, Reading { _copy: None }));
@@ -60,11 +60,12 @@ const NAME: &str = "catalog.sqlite";
 /// thread.
 fn copied(file: &Path) -> io::Result<TempDir> {
     let copy = tempfile::Builder::new().prefix("wavelume-").tempdir()?;
-    let (to, to_log) = (copy.path().join(NAME), copy.path().join(format!("{NAME}-wal")));
+    let to = copy.path().join(NAME);
+    let to_log = log_of(&to);
     for _ in 0..TRIES {
         let before = states(file);
         copy_bytes(file, &to)?;
-        match copy_bytes(&log(file), &to_log) {
+        match copy_bytes(&log_of(file), &to_log) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => drop(fs::remove_file(&to_log)),
             copied => copied?,
         }
@@ -86,7 +87,7 @@ fn copy_bytes(from: &Path, to: &Path) -> io::Result<()> {
 /// changed so recently that its time may not tell.
 fn states(file: &Path) -> Option<Vec<(u64, u64, i64, i64)>> {
     let mut states = Vec::new();
-    for path in [file.to_owned(), log(file)] {
+    for path in [file.to_owned(), log_of(file)] {
         let Ok(found) = fs::metadata(path) else { continue };
         let age = SystemTime::now().duration_since(found.modified().ok()?).ok()?;
         if age < PAUSE {
@@ -95,17 +96,6 @@ fn states(file: &Path) -> Option<Vec<(u64, u64, i64, i64)>> {
         states.push((found.ino(), found.len(), found.mtime(), found.mtime_nsec()));
     }
     Some(states)
-}
-
-/// Returns the path of the log of a SQLite file, with what is committed and not in the file yet.
-fn log(file: &Path) -> PathBuf {
-    beside(file, "-wal")
-}
-
-fn beside(file: &Path, suffix: &str) -> PathBuf {
-    let mut name = file.as_os_str().to_owned();
-    name.push(suffix);
-    name.into()
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Reserve of disk space beside a SQLite catalog, given up when the disk is full, so that deletions still work.
 
+use super::file::directory_of;
 use crate::store::Disk;
 use rustix::fs::{FallocateFlags, fallocate};
 use std::fs;
@@ -24,7 +25,7 @@ impl Reserve {
     }
 
     fn disk(&self) -> io::Result<Disk> {
-        Disk::of(self.file.parent().unwrap_or(Path::new(".")))
+        Disk::of(directory_of(&self.file))
     }
 
     /// Returns true if the disk has less free space than is kept for deletions.

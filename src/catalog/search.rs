@@ -33,7 +33,7 @@ impl Sought {
         Self { decomposed: (decomposed != composed).then_some(decomposed), composed }
     }
 
-    /// Returns a text that is looked for within the column `search`.
+    /// Returns a text that may stand anywhere in the names and tags of a row.
     pub(super) fn within(text: &str) -> Self {
         Self::exactly(&folded([text]))
     }

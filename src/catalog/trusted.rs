@@ -27,7 +27,7 @@ pub(crate) enum Doubt {
     Jumped {
         /// Time by the clock of the database.
         now: i64,
-        /// Time by what the machine has counted.
+        /// Time of the start of this machine, and what it has counted since: what its clock should show.
         counted: i64,
     },
     /// The clock of the database and that of this machine differ.

@@ -1,8 +1,8 @@
 //! `/v1/uploads`: uploads that a client may continue after a break, by the protocol tus 1.0 (<https://tus.io>).
 //!
 //! Each request with bytes makes an object of the store, a long one several, under the name of the upload and a number.
-//! So any node continues what another began. A break and a stop with notice lose nothing that has come, a killed
-//! process one part. The complete upload is used by
+//! Any node can therefore continue what another began. A broken connection or a stop with notice loses no byte that has
+//! come; the end of a killed process loses one part at most. The complete upload is used by
 //! `POST /v1/measurements?upload=…` or `POST /v1/materials?upload=…`, which reads the parts as if they were the body of
 //! that request.
 
