@@ -5,10 +5,10 @@
 
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Dump, Table, blocking};
-use super::fetch::{AT_ONCE, Lost, Stored, Tally, UNREADABLE, fetch_or_lose, stored};
+use super::fetch::{Lost, Stored, Tally, UNREADABLE, fetch_each, stored};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Place, Staging, Store, StoreError, StoreExt};
-use futures::{StreamExt, TryStreamExt};
+use futures::TryStreamExt;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -237,23 +237,22 @@ impl Archive {
                 }
                 match there.get(&kept(digest)) {
                     Some(size) if is_whole(to, &blob, *size, check).await? => tally.there(*size),
-                    _ => absent.push(blob.object),
+                    _ => absent.push((blob.object.clone(), blob.object)),
                 }
             }
-            let copies = futures::stream::iter(absent).map(|object| async move {
-                let fetched = fetch_or_lose(&self.store, Some(&self.catalog), &object, staging).await?;
-                match &fetched {
-                    Ok(staged) => to.publish(staged, &kept(object.digest())).await?,
-                    Err(lost) if lost.kind == UNREADABLE => {}
-                    Err(_) => {
-                        self.belongs().await?;
-                        self.catalog.suspect(&object).await?;
+            let copies =
+                fetch_each((&self.store, Some(&self.catalog)), absent, staging, |object, fetched| async move {
+                    match &fetched {
+                        Ok(staged) => to.publish(staged, &kept(object.digest())).await?,
+                        Err(lost) if lost.kind == UNREADABLE => {}
+                        Err(_) => {
+                            self.belongs().await?;
+                            self.catalog.suspect(&object).await?;
+                        }
                     }
-                }
-                Ok::<_, ArchiveError>(fetched.map(|staged| staged.bytes()))
-            });
-            let mut copies = copies.buffer_unordered(AT_ONCE);
-            while let Some(copied) = copies.try_next().await? {
+                    Ok(fetched.map(|staged| staged.bytes()))
+                });
+            for copied in copies.await? {
                 match copied {
                     Ok(bytes) => tally.copied(bytes),
                     Err(lost) => tally.lost.push(lost),

@@ -6,13 +6,15 @@ use super::dump::{Rows, blocking};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Staged, Staging, Store, StoreError, StoreExt, WHOLE};
 use crate::trust::Tenant;
-use futures::TryStreamExt;
+use futures::future::Either;
+use futures::{StreamExt, TryStreamExt, stream};
 use serde::Serialize;
+use std::pin::pin;
 use std::sync::Arc;
 use tokio::time::sleep;
 
 /// Number of files that are copied at once. Raising it needs more memory, up to 8 MiB each.
-pub(super) const AT_ONCE: usize = 8;
+const AT_ONCE: usize = 8;
 
 /// Kind of the fault of a file that the store has and cannot read.
 pub(super) const UNREADABLE: &str = "unreadable";
@@ -106,20 +108,51 @@ pub(super) async fn fetch(store: &Arc<dyn Store>, object: &Object, staging: &Sta
     blocking(move || writer.finish()).await
 }
 
-/// Fetches an object like [`fetch`], with a second try if it is faulty. The second try reads the object that now holds
-/// the same bytes according to the catalog of the original, if this catalog is at hand. Returns the fault if the second
-/// try finds one, too. Fails if the store itself is away.
-pub(super) async fn fetch_or_lose(
+/// Fetches objects, several at once, and hands each with what belongs to it to `then`, whose results it returns in no
+/// particular order. Objects in which a first look finds a fault are looked at again together, [`APART`] later, so that
+/// many of them wait no longer than one. Fails if the store itself is away.
+pub(super) async fn fetch_each<T, O, F>(
+    (store, catalog): (&Arc<dyn Store>, Option<&Catalog>),
+    files: Vec<(Object, T)>,
+    staging: &Staging,
+    then: impl Fn(T, Result<Staged, Lost>) -> F,
+) -> Result<Vec<O>, ArchiveError>
+where
+    F: Future<Output = Result<O, ArchiveError>>,
+{
+    let then = &then;
+    let again = &async |object: Object, file| then(file, fetch_again(store, catalog, &object, staging).await?).await;
+    let looks = stream::iter(files).map(|(object, file)| async move {
+        match fetch(store, &object, staging).await {
+            Ok(staged) => then(file, Ok(staged)).await.map(Either::Left),
+            Err(fault) if fault.damage().is_some() => Ok(Either::Right((object, file))),
+            Err(_) => again(object, file).await.map(Either::Left),
+        }
+    });
+    let (mut done, mut doubted) = (Vec::new(), Vec::new());
+    let mut looks = pin!(looks.buffer_unordered(AT_ONCE));
+    while let Some(look) = looks.try_next().await? {
+        match look {
+            Either::Left(result) => done.push(result),
+            Either::Right(file) => doubted.push(file),
+        }
+    }
+    if !doubted.is_empty() {
+        sleep(APART).await;
+    }
+    let looks = stream::iter(doubted).map(|(object, file)| again(object, file));
+    done.extend(looks.buffer_unordered(AT_ONCE).try_collect::<Vec<_>>().await?);
+    Ok(done)
+}
+
+/// Takes a second look at an object in which a first one has found a fault, and returns the fault if it finds one, too.
+/// Reads the object that now holds the same bytes according to the catalog of the original, if this catalog is at hand.
+async fn fetch_again(
     store: &Arc<dyn Store>,
     catalog: Option<&Catalog>,
     object: &Object,
     staging: &Staging,
 ) -> Result<Result<Staged, Lost>, ArchiveError> {
-    match fetch(store, object, staging).await {
-        Ok(staged) => return Ok(Ok(staged)),
-        Err(error) if error.damage().is_some() => sleep(APART).await,
-        Err(_) => {}
-    }
     let digest = object.digest();
     let now = match catalog {
         Some(catalog) => catalog.of(object.tenant()).blob(digest).await?.map(|blob| blob.object),
@@ -149,4 +182,35 @@ pub(super) async fn fetch_or_lose(
 /// Returns true if a store carries the text that makes it the store of a catalog or the place of a backup.
 async fn is_there(store: &Arc<dyn Store>) -> Result<bool, StoreError> {
     Ok(store.note(INSTANCE).await?.is_some() || store.note(BACKUP).await?.is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::archive::Archive;
+    use super::super::publish::tests::stored;
+    use super::*;
+    use std::sync::Mutex;
+
+    #[tokio::test]
+    async fn the_faults_of_many_files_wait_together_and_keep_no_sound_file_back() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        let sound = stored(&archive, b"the truth").await;
+        let sound = archive.catalog.blob(sound).await.unwrap().unwrap().object;
+        let absent = |at: usize| Object::fresh(&Tenant::default(), Digest::of(&at.to_le_bytes()));
+        let count = 3 * AT_ONCE;
+        let files = (0..count).map(|at| (if at < count / 2 { absent(at) } else { sound.clone() }, at)).collect();
+        let seen = Mutex::new(Vec::new());
+        let fetched = fetch_each((&archive.store, None), files, &archive.staging, async |at, fetched| {
+            seen.lock().unwrap().push((fetched.is_ok(), at));
+            Ok(fetched.map(|_| at).map_err(|lost| lost.kind))
+        });
+        let fetched = fetched.await.unwrap();
+        assert_eq!(fetched.iter().filter(|file| **file == Err("missing")).count(), count / 2);
+        let seen = seen.into_inner().unwrap();
+        assert_eq!(
+            seen.iter().map(|(is_sound, _)| *is_sound).collect::<Vec<_>>(),
+            [vec![true; count / 2], vec![false; count / 2]].concat()
+        );
+    }
 }

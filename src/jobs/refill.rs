@@ -5,13 +5,13 @@
 
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Dump, Rows, blocking};
-use super::fetch::{AT_ONCE, Lost, Stored, Tally, fetch_or_lose, stored};
+use super::fetch::{Lost, Stored, Tally, fetch_each, stored};
 use super::presence::{WORKERS, living};
 use super::site::Site;
 use crate::catalog::{Catalog, Filling, TABLES};
 use crate::store::{Digest, FOLDER, Object, Place, Store, StoreError, give_all};
 use crate::trust::Tenant;
-use futures::{StreamExt, TryStreamExt};
+use futures::TryStreamExt;
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::HashSet;
@@ -132,19 +132,18 @@ impl Archive {
         }
         let announced: Vec<_> = absent.iter().map(|(blob, new)| (new.clone(), blob.bytes.unwrap_or(0))).collect();
         self.catalog.intend_all(&announced, INTENT).await?;
-        let copies = futures::stream::iter(absent).map(|(blob, new)| async move {
-            let from = (origin.object)(&blob.object);
-            let fetched = fetch_or_lose(origin.store, origin.catalog, &from, &self.staging).await?;
-            if let Ok(staged) = &fetched {
-                self.store.publish(staged, &new).await?;
-            }
-            // A backup keeps equal bytes of two tenants once, under the default one.
-            let fetched = fetched.map_err(|lost| Lost { tenant: new.tenant().clone(), ..lost });
-            Ok::<_, ArchiveError>(fetched.map(|staged| (new, staged.bytes(), blob.created_at)))
-        });
-        let outcomes: Vec<_> = copies.buffer_unordered(AT_ONCE).try_collect().await?;
+        let files = absent.into_iter().map(|(blob, new)| ((origin.object)(&blob.object), (blob, new))).collect();
+        let copies =
+            fetch_each((origin.store, origin.catalog), files, &self.staging, |(blob, new), fetched| async move {
+                if let Ok(staged) = &fetched {
+                    self.store.publish(staged, &new).await?;
+                }
+                // A backup keeps equal bytes of two tenants once, under the default one.
+                let fetched = fetched.map_err(|lost| Lost { tenant: new.tenant().clone(), ..lost });
+                Ok(fetched.map(|staged| (new, staged.bytes(), blob.created_at)))
+            });
         let (mut copied, mut lost) = (Vec::new(), Vec::new());
-        for outcome in outcomes {
+        for outcome in copies.await? {
             match outcome {
                 Ok(one) => copied.push(one),
                 Err(one) => lost.push(one),
