@@ -6,6 +6,7 @@ mod alta;
 mod analytic;
 mod archive;
 mod azimuth;
+mod elements;
 mod error;
 mod eulumdat;
 mod foreign;

@@ -1,7 +1,9 @@
-//! Combination of a luminaire with its lamp spectrum: intensity by direction becomes spectral intensity.
+//! Luminaires of any format: their quantity, and their combination with a lamp spectrum, by which intensity by
+//! direction becomes spectral intensity.
 
 use super::acquisition::{Acquisition, Samples, SpectralFactor};
 use super::error::{FormatError, FormatErrorKind};
+use super::interpretation::Interpretation;
 use super::text::Brief;
 use crate::domain::colour::Observer;
 use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
@@ -10,6 +12,18 @@ use crate::numeric::bracket::polyline;
 
 /// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
 const LUMENS_PER_WATT: f64 = 683.002;
+
+/// Refuses a quantity other than an emission distribution, which is what a luminaire file holds.
+pub(super) fn check_emission(format: &'static str, how: &Interpretation) -> Result<(), FormatError> {
+    match how.quantity().filter(|&quantity| quantity != Quantity::Edf) {
+        None => Ok(()),
+        Some(other) => Err(FormatError::new(
+            FormatErrorKind::NeedsOption,
+            format,
+            format!("quantity {other} was asked for, expected edf: a luminaire is an emission distribution"),
+        )),
+    }
+}
 
 /// Joins a luminaire with the spectrum of its lamp: `spectrum` has one column of wavelengths and values.
 ///

@@ -1,9 +1,9 @@
 //! IES TM-27 spectra (`.spdx`): one spectrum as XML, with one element per wavelength and value.
 //!
-//! Element names are matched without their namespace, which writers choose freely; wavelengths are in nm (IES
-//! TM-27-14). Nothing outside the file is read: document types and custom entities are refused.
+//! Wavelengths are in nm (IES TM-27-14).
 
 use super::acquisition::{Acquisition, ParseReport, Samples};
+use super::elements::{Element, Room, Root, Visitor, walk};
 use super::error::{FormatError, FormatErrorKind};
 use super::foreign;
 use super::instrument::Instrument;
@@ -13,8 +13,6 @@ use super::text::{Brief, Source, number, snippet};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use crate::notes::{Quoted, SpectrumNote, TextNote, ValueNote};
-use quick_xml::XmlVersion;
-use quick_xml::events::{BytesStart, Event};
 
 const NAME: &str = "tm-27";
 
@@ -36,8 +34,6 @@ pub(super) const READER: Reader = Reader {
 
 /// Prefix of the root element's name in a TM-27 file; two digits of the revision follow.
 const ROOT: &str = "IESTM27";
-/// Upper bound on the nesting depth of XML elements; TM-27 files have three. Raising it accepts deeper files.
-const MAX_DEPTH: usize = 16;
 /// Upper bounds on the bytes of text in an XML element, and on the number of header elements. Raising them keeps more
 /// and uses more memory.
 const MAX_TEXT: usize = 4096;
@@ -49,8 +45,16 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if let Some(encoding) = source.odd_encoding() {
         report.note(TextNote::DecodedAs { encoding });
     }
-    let mut document = Document::new(&source);
-    document.read()?;
+    let mut document = Document {
+        source: &source,
+        quantity: None,
+        points: Vec::new(),
+        fields: Vec::new(),
+        distributions: 0,
+        wavelengths: Vec::new(),
+    };
+    let root = Root { is: |name| name.starts_with(ROOT), expected: "IESTM2714" };
+    walk(&source, &root, &mut report, &mut document)?;
     let Document { quantity, points, fields, .. } = document;
     report.metadata = fields;
     if points.is_empty() {
@@ -122,14 +126,14 @@ fn meaning(
 }
 
 /// Point of a spectrum: a wavelength in nm and the value there, with the byte offset of its XML element in the file.
-struct Point {
-    wavelength: f64,
-    value: f32,
-    offset: usize,
+pub(super) struct Point {
+    pub(super) wavelength: f64,
+    pub(super) value: f32,
+    pub(super) offset: usize,
 }
 
 /// Sorts the points of a spectrum by increasing wavelength and refuses repeated wavelengths.
-fn ordered(
+pub(super) fn ordered(
     mut points: Vec<Point>,
     source: &Source,
     report: &mut ParseReport,
@@ -145,162 +149,50 @@ fn ordered(
     Ok(points.into_iter().map(|point| (point.wavelength, point.value)).unzip())
 }
 
+/// Name of the XML element that holds one value of the spectrum.
+const DATA: &str = "SpectralData";
+
 /// Parser state of a TM-27 document: the parts that were read so far.
 struct Document<'a> {
     source: &'a Source,
-    /// XML elements that are open at the parser's position, by local name, each with its text so far.
-    stack: Vec<Open>,
     quantity: Option<String>,
     points: Vec<Point>,
     fields: Vec<(String, String)>,
     distributions: usize,
-    rooted: bool,
-    /// String buffer that is reused for the text of XML elements.
-    spare: String,
+    /// Wavelengths in nm of the `SpectralData` elements that are open.
+    wavelengths: Vec<f64>,
 }
 
-/// Name of the XML element that holds one value of the spectrum.
-const DATA: &str = "SpectralData";
-
-/// XML element that is not closed yet.
-struct Open {
-    /// Name of an open XML element without its namespace prefix; left empty for a `SpectralData` element, which is
-    /// recognised by its wavelength.
-    name: String,
-    text: String,
-    /// Wavelength in nm of the value in a `SpectralData` element; `None` for other elements.
-    wavelength: Option<f64>,
-    offset: usize,
-}
-
-impl<'a> Document<'a> {
-    fn new(source: &'a Source) -> Self {
-        Self {
-            source,
-            stack: Vec::new(),
-            quantity: None,
-            points: Vec::new(),
-            fields: Vec::new(),
-            distributions: 0,
-            rooted: false,
-            spare: String::new(),
-        }
-    }
-
-    fn malformed(&self, offset: usize, message: impl Into<String>) -> FormatError {
-        self.source.malformed(offset, message)
-    }
-
-    fn read(&mut self) -> Result<(), FormatError> {
-        let mut xml = quick_xml::Reader::from_str(self.source.text());
-        loop {
-            let offset = usize::try_from(xml.buffer_position()).unwrap_or(usize::MAX);
-            let event = xml.read_event().map_err(|error| {
-                let at = usize::try_from(xml.error_position()).unwrap_or(offset);
-                let message: String = error.to_string().chars().take(120).collect();
-                self.malformed(at, format!("XML that is not well formed, expected elements that end: {message}"))
-            })?;
-            match event {
-                Event::Start(element) => self.open(&element, offset)?,
-                Event::Empty(element) => {
-                    self.open(&element, offset)?;
-                    self.close()?;
-                }
-                Event::End(_) => self.close()?,
-                Event::Text(text) => self.text(&text, offset)?,
-                Event::CData(text) => self.text(&text, offset)?,
-                Event::GeneralRef(reference) => {
-                    let character = reference.resolve_char_ref().ok().flatten();
-                    let known = character
-                        .map(String::from)
-                        .or_else(|| quick_xml::escape::resolve_predefined_entity(&reference).map(str::to_owned));
-                    let Some(known) = known else {
-                        let message =
-                            format!("entity {}, expected amp, lt, gt, quot, apos or a number", snippet(&reference));
-                        return Err(self.malformed(offset, message));
-                    };
-                    self.text(&known, offset)?;
-                }
-                Event::DocType(_) => {
-                    let message = "a document type, expected none: it can name other files";
-                    return Err(self.source.error(FormatErrorKind::Unsupported, offset, message));
-                }
-                Event::Decl(_) | Event::PI(_) | Event::Comment(_) => {}
-                Event::Eof => break,
-            }
-        }
-        match self.stack.last() {
-            None if self.rooted => Ok(()),
-            None => Err(self.malformed(0, format!("no element, expected {ROOT}14"))),
-            Some(open) => {
-                let name = if open.wavelength.is_some() { DATA } else { &open.name };
-                let message = format!("the file ends inside the element {}, expected its end", snippet(name));
-                Err(self.malformed(self.source.text().len(), message))
-            }
-        }
-    }
-
-    fn open(&mut self, element: &BytesStart<'_>, offset: usize) -> Result<(), FormatError> {
-        let name = element.local_name();
-        let name = name.as_ref();
-        if self.stack.is_empty() {
-            if self.rooted || !name.starts_with(ROOT) {
-                let message = format!("the element {}, expected one {ROOT}14", snippet(name));
-                return Err(self.malformed(offset, message));
-            }
-            self.rooted = true;
-        }
-        if self.stack.len() >= MAX_DEPTH {
-            let message =
-                format!("an XML element inside {MAX_DEPTH} others, expected at most {MAX_DEPTH} nested elements");
-            return Err(self.source.error(FormatErrorKind::OverLimit, offset, message));
-        }
-        let mut wavelength = None;
-        if name == "SpectralDistribution" {
+impl Visitor for Document<'_> {
+    fn open(&mut self, element: &Element<'_>) -> Result<Room, FormatError> {
+        if element.name == "SpectralDistribution" {
             self.distributions += 1;
             if self.distributions > 1 {
                 let message = "a second SpectralDistribution, expected one";
-                return Err(self.source.error(FormatErrorKind::Unsupported, offset, message));
+                return Err(self.source.error(FormatErrorKind::Unsupported, element.offset, message));
             }
-        } else if name == DATA {
-            let attribute = element.try_get_attribute("wavelength").ok().flatten();
-            let written = attribute.as_ref().and_then(|a| a.normalized_value(XmlVersion::Implicit1_0).ok());
-            let written = written.unwrap_or_default();
-            wavelength = number(written.trim()).filter(|&nm| nm > 0.0);
-            if wavelength.is_none() {
+        }
+        let is_datum = element.name == DATA;
+        if is_datum {
+            let written = element.attribute("wavelength").unwrap_or_default();
+            let Some(wavelength) = number(written.trim()).filter(|&nm| nm > 0.0) else {
                 let message = format!("wavelength {}, expected a positive number of nm", snippet(&written));
-                return Err(self.malformed(offset, message));
-            }
+                return Err(self.source.malformed(element.offset, message));
+            };
+            self.wavelengths.push(wavelength);
         }
-        let name = if wavelength.is_some() { String::new() } else { name.to_owned() };
-        self.stack.push(Open { name, text: std::mem::take(&mut self.spare), wavelength, offset });
-        Ok(())
+        // Metadata are truncated; a number is never this long.
+        Ok(Room { bytes: MAX_TEXT, is_strict: is_datum })
     }
 
-    fn text(&mut self, text: &str, offset: usize) -> Result<(), FormatError> {
-        let over = match self.stack.last_mut() {
-            // Metadata are truncated; a number is never this long.
-            Some(open) if open.text.len() + text.len() <= MAX_TEXT => {
-                open.text.push_str(text);
-                false
-            }
-            Some(open) => open.wavelength.is_some(),
-            None => !text.trim().is_empty(),
-        };
-        if over {
-            Err(self.malformed(offset, format!("found {}, expected an element", snippet(text.trim()))))
-        } else {
-            Ok(())
-        }
-    }
-
-    fn close(&mut self) -> Result<(), FormatError> {
-        let Some(Open { name, text: mut written, wavelength, offset }) = self.stack.pop() else { return Ok(()) };
-        let text = written.trim();
-        if let Some(wavelength) = wavelength {
+    fn close(&mut self, name: &str, text: &str, offset: usize) -> Result<(), FormatError> {
+        if name == DATA
+            && let Some(wavelength) = self.wavelengths.pop()
+        {
             let value = number(text).map(|value| value as f32).filter(|value| value.is_finite());
             let value = value.ok_or_else(|| {
-                self.malformed(offset, format!("found {}, expected a value at {} nm", snippet(text), Brief(wavelength)))
+                let message = format!("found {}, expected a value at {} nm", snippet(text), Brief(wavelength));
+                self.source.malformed(offset, message)
             })?;
             if self.points.len() >= MAX_WAVELENGTHS {
                 let message = format!("more than {MAX_WAVELENGTHS} wavelengths");
@@ -313,8 +205,6 @@ impl<'a> Document<'a> {
             }
             self.fields.push((name.chars().take(80).collect(), text.to_owned()));
         }
-        written.clear();
-        self.spare = written;
         Ok(())
     }
 }
@@ -342,6 +232,17 @@ mod tests {
         let Samples::OnAxes { tensor, .. } = &acquisition.samples else { panic!("on axes") };
         let [Axis::Wavelength(grid)] = tensor.axes() else { panic!("wavelengths") };
         (grid.values(), tensor.samples().to_vec())
+    }
+
+    #[test]
+    fn a_line_of_a_tool_before_the_declaration_is_left_out() {
+        let text = document("relative", &(datum("500", "2") + &datum("510", "3")));
+        let noted = plain(&format!("Written by <x>, 2 files\r\n{text}")).unwrap();
+        assert_eq!(spectrum(&noted), spectrum(&plain(&text).unwrap()));
+        assert!(noted.report.notes.iter().any(|note| note.message == "1 lines of text before the data"));
+        // Places count it.
+        let error = plain(&format!("Written by <x>\n{}", text.replace(">3<", ">x<"))).unwrap_err();
+        assert!(error.to_string().contains("line 4"), "{error}");
     }
 
     #[test]

@@ -18,9 +18,10 @@ pub use restate::restate_eulumdat;
 pub use write::write_eulumdat;
 
 use super::acquisition::{Acquisition, ParseReport, Samples};
-use super::error::{FormatError, FormatErrorKind};
+use super::error::FormatError;
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
+use super::photometry::check_emission;
 use super::reader::{Reader, Sample};
 use super::restated::keep_encoding;
 use super::text::Source;
@@ -53,10 +54,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
-    if let Some(other) = how.quantity().filter(|quantity| *quantity != Quantity::Edf) {
-        let message = format!("quantity {other} was asked for, expected edf: a luminaire is an emission distribution");
-        return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
-    }
+    check_emission(NAME, how)?;
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {

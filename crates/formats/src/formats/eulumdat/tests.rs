@@ -1,9 +1,9 @@
 //! EULUMDAT: every symmetry against the directions it stands for, photometry, layouts of lamp sets, and hostile fields.
 
 use super::*;
-use crate::formats::NoteKind;
 use crate::formats::acquisition::{AngleGrid, AzimuthExtent};
 use crate::formats::read as read_any;
+use crate::formats::{FormatErrorKind, NoteKind};
 
 /// Parts of an EULUMDAT test file that vary between tests.
 struct Sheet {

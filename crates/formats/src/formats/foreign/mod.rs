@@ -210,9 +210,25 @@ fn is_asd(sample: &Sample<'_>) -> bool {
     sample.head.contains('\0') && (mark == Some(b"ASD") || matches!(mark, Some([b'a', b's', b'2'..=b'8'])))
 }
 
+/// Number of lines in which a tool may write a note before the XML declaration. Raising it finds longer notes.
+const NOTE_LINES: usize = 16;
+
+/// Returns the number of bytes of the lines before the XML declaration of a text, in which a tool has written a note; 0
+/// if there are none, or no declaration at the start of one of the first lines.
+pub(super) fn before_xml(text: &str) -> usize {
+    let lines = text.split_inclusive(['\n', '\r']);
+    let starts = lines.scan(0, |start, line| {
+        let (first, is_declaration) = (*start, line.trim_start().starts_with("<?xml"));
+        *start += line.len();
+        Some((first, is_declaration))
+    });
+    let mut declared = starts.take(NOTE_LINES).filter(|(_, is_declaration)| *is_declaration);
+    declared.next().map_or(0, |(start, _)| start)
+}
+
 /// Returns the name of the root element without its prefix, if the text is XML.
 pub(super) fn xml_root(head: &str) -> Option<&str> {
-    let mut rest = head.trim_start();
+    let mut rest = head[before_xml(head)..].trim_start();
     if !rest.starts_with('<') {
         return None;
     }

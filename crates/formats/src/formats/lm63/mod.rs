@@ -20,6 +20,7 @@ use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
+use super::photometry::check_emission;
 use super::reader::{Reader, Sample};
 use super::restated::keep_encoding;
 use super::text::{Brief, Source};
@@ -43,7 +44,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
-    check_quantity(how)?;
+    check_emission(NAME, how)?;
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
@@ -83,17 +84,6 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         instrument: Instrument::default(),
         report,
     })
-}
-
-fn check_quantity(how: &Interpretation) -> Result<(), FormatError> {
-    match how.quantity() {
-        None | Some(Quantity::Edf) => Ok(()),
-        Some(other) => Err(FormatError::new(
-            FormatErrorKind::NeedsOption,
-            NAME,
-            format!("quantity {other} was asked for, expected edf: a luminaire is an emission distribution"),
-        )),
-    }
 }
 
 /// Returns the unit of the intensities: the requested one, else the one stated in the file's text, else candela.
