@@ -145,6 +145,11 @@ pub fn read_format(bytes: &[u8]) {
     }
 }
 
+/// Reads `bytes` between a beginning and an end that make the file be recognised.
+pub fn read_within(before: &[u8], bytes: &[u8], after: &[u8]) {
+    read_format(&[before, bytes, after].concat());
+}
+
 /// Expands a MERL table, whose size is fixed, by repeating a few numbers; returns any other file unchanged.
 fn whole_table(file: &[u8]) -> Cow<'_, [u8]> {
     const HEAD: usize = 12;

@@ -81,7 +81,8 @@ reading! {
         pub unit: Unit => Values::Name { shown: Some("UNIT"), names: Unit::all_names },
         /// Unit of the wavelengths in a spectral table: `nm`, `um`, `angstrom` or `1/cm`.
         pub wavelength_unit: String => Values::Text { shown: "UNIT", check: any_text },
-        /// Column of values of a spectral table, by name or by number from 1 (wavelengths are not counted).
+        /// Column of values of a spectral table, emitter of a TM-33 luminaire, or channel of a Zemax BSDF, by name or
+        /// by number from 1 (wavelengths are not counted).
         pub column: String => Values::Text { shown: "COLUMN", check: any_text },
         /// Integral of the values of a phase table over the sphere; `vsf` is that of a volume scattering function,
         /// `relative` an arbitrary one.

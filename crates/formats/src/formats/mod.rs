@@ -36,8 +36,10 @@ mod tabphase;
 mod template;
 mod text;
 mod tm27;
+mod tm33;
 mod turned;
 mod type_c;
+mod zemax;
 
 pub use crate::domain::{Note, NoteKind, NoteValue};
 pub use acquisition::{

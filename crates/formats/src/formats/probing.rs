@@ -19,6 +19,8 @@ const TABLE: &[Reader] = &[
     super::radiometric_csv::READER,
     super::radiometric_csv::arrow::READER,
     super::tm27::READER,
+    super::tm33::READER,
+    super::zemax::READER,
     super::alta::READER,
     super::analytic::READER,
     super::phase_table::READER,

@@ -78,5 +78,36 @@ wavelume_core::declare_notes! {
         Warning MultipliersNotPositive { factor: Brief } =>
             "the multipliers of this file make {factor}, expected more than 0";
         Warning FurtherTokens { tokens: usize } => "{tokens} further tokens after the last intensity were not read";
+
+        // TM-33.
+        Assumed GoniometerNotStated =>
+            "no type of goniometer is stated, taken as type C: vertical angles from straight down, horizontal ones of C planes";
+        Assumed AbsoluteNotStated { flux_lm: f64, rated_lm: Option<Brief> } =>
+            "absolute or relative photometry is not stated: the intensities are taken as candela and make {flux_lm:.1} lm{rated}; \
+             ask for the unit cd/klm if they hold for 1000 lm",
+            rated = rated_lm.map_or(String::new(), |flux| format!(", the file rates {flux} lm"));
+        Assumed RelativeToRated { flux_lm: f64, rated_lm: Option<Brief> } =>
+            "relative photometry: the intensities make {flux_lm:.1} lm and are taken to hold for {rated}; ask for the unit \
+             cd/klm if they hold for 1000 lm",
+            rated = rated_lm.map_or("rated lumens that the file does not state".to_owned(), |flux| format!("{flux} rated lm"));
+        Assumed RelativeNotLuminous { names: &'static str } =>
+            "{names} are said to be relative, to what the file does not say: taken as they stand";
+        Assumed EmittersTogether { quantity: Brief } =>
+            "Quantity {quantity}: the intensities are taken as those of all {quantity} emitters together";
+        Warning BallastFactorKept { factor: Brief } =>
+            "BallastFactor {factor} is kept as a keyword, it does not enter the intensities";
+        Warning SymmetryNotOfPlanes { stated: Quoted, found: &'static str } =>
+            "the file says {stated}, but its planes say {found}: read as the planes say";
+        Skipped DataNotRead { names: String } => "data beside the intensities: {names}";
+        Assumed OnlyEmitter { number: usize, of: usize } => "emitter {number} of {of}, the only one with intensities";
+        Warning OtherFluxDiffers { flux: f64, unit: &'static str, part_percent: f64, stated: Brief } =>
+            "the intensities make {flux:.3} {unit}, {part_percent:.1} % of the {stated} {unit} stated; kept as they are";
+        Assumed OneOfUnits { unit: Unit, units: String } =>
+            "intensities in {unit}; the emitter has those in {units}, name the unit to read another";
+        Assumed SpectrumOfFile { unit: Unit } =>
+            "joined with the spectrum that the file lists; ask for the unit {unit} to leave it out";
+        Skipped SpectrumLeftOut { reason: String } => "the spectrum that the file lists: {reason}";
+        Assumed SpectrumCut { first_nm: Brief, last_nm: Brief } =>
+            "the spectrum is cut to {first_nm} to {last_nm} nm, the range of the intensities";
     }
 }

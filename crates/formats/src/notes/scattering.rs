@@ -49,6 +49,21 @@ wavelume_core::declare_notes! {
         Skipped NegativeMasked { values: usize, of: usize, lowest: f64 } =>
             "{values} of {of} numbers are negative, down to {lowest}: masked";
 
+        // Zemax.
+        Skipped BehindSurface { samples: usize, of: usize } =>
+            "{samples} of {of} values, at directions about the specular ray that lie behind the surface";
+        Assumed RotationIsAzimuth =>
+            "sample rotations are taken as azimuths of the light, counter-clockwise seen from outside, as libbsdf takes them";
+        Assumed OneRotation { rotation_degrees: Brief } =>
+            "the only sample rotation, {rotation_degrees}°, is taken to hold for all: isotropic";
+        Assumed ThroughAtIncidence =>
+            "the ray straight through is taken to leave at the angle of incidence, as through a plane sheet";
+        Assumed AzimuthsAgainstRay =>
+            "scatter azimuths are taken as counter-clockwise, seen against the specular ray, from the side of the normal";
+        Warning TotalScatterDiffers { percent: f64 } =>
+            "the values make {percent:.0} % of the total integrated scatter that the file states, in the table where they \
+             are farthest from it; kept as they stand";
+
         // RGL.
         Assumed TwoAzimuthsIsotropic => "two incident azimuths are an isotropic material, evaluated at azimuth 0";
         Skipped RgbBesideSpectra => "the field `rgb` beside the spectra";

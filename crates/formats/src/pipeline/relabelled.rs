@@ -134,14 +134,14 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
     let mut metadata = Vec::new();
     let mut add = |key: &str, value: String| metadata.push((key.to_owned(), value));
     for (key, keys) in [
-        ("company", &["MANUFAC"][..]),
-        ("report", &["TEST"]),
-        ("luminaire", &["LUMINAIRE"]),
-        ("luminaire_number", &["LUMCAT"]),
-        ("date", &["ISSUEDATE", "DATE"]),
-        ("lamp", &["LAMP", "LAMPCAT"]),
-        ("colour", &["COLORTEMP", "_CCT"]),
-        ("colour_rendering", &["CRI", "_CRI"]),
+        ("company", &["MANUFAC", "Manufacturer"][..]),
+        ("report", &["TEST", "ReportNumber"]),
+        ("luminaire", &["LUMINAIRE", "Description"]),
+        ("luminaire_number", &["LUMCAT", "CatalogNumber"]),
+        ("date", &["ISSUEDATE", "DATE", "ReportDate"]),
+        ("lamp", &["LAMP", "LAMPCAT", "Emitter/Description"]),
+        ("colour", &["COLORTEMP", "_CCT", "Emitter/ColorTemperature/FixedCCT", "Emitter/FixedCCT", "Emitter/CCT"]),
+        ("colour_rendering", &["CRI", "_CRI", "Emitter/ColorRendering/CIE_CRI/Ra", "Emitter/ColorRendering/Ra"]),
     ] {
         add(key, fields.text(keys).map(line).unwrap_or_default());
     }
@@ -164,7 +164,7 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
         ("tilt_degrees", 0.0),
         ("lamps", lamps),
         ("lumens", lumens),
-        ("watts", fields.number(&["input_watts"]).unwrap_or(0.0)),
+        ("watts", fields.number(&["input_watts", "Emitter/InputWattage", "Emitter/InputWatts"]).unwrap_or(0.0)),
     ] {
         add(key, value.to_string());
     }
@@ -190,13 +190,13 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     let mut metadata = Vec::new();
     let mut add = |key: &str, value: String| metadata.push((key.to_owned(), value));
     for (key, keys) in [
-        ("TEST", &["report"][..]),
-        ("TESTLAB", &[]),
-        ("ISSUEDATE", &["date"]),
-        ("MANUFAC", &["company"]),
-        ("LUMCAT", &["luminaire_number"]),
-        ("LUMINAIRE", &["luminaire"]),
-        ("LAMP", &["lamp", "set_1_lamp"]),
+        ("TEST", &["report", "ReportNumber"][..]),
+        ("TESTLAB", &["Laboratory"]),
+        ("ISSUEDATE", &["date", "ReportDate"]),
+        ("MANUFAC", &["company", "Manufacturer"]),
+        ("LUMCAT", &["luminaire_number", "CatalogNumber"]),
+        ("LUMINAIRE", &["luminaire", "Description"]),
+        ("LAMP", &["lamp", "set_1_lamp", "Emitter/Description"]),
     ] {
         add(key, fields.text(keys).map_or_else(|| "not stated".to_owned(), line));
     }
@@ -212,7 +212,13 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     add("luminous_width", format!("{} m", along_y + 0.0));
     add("luminous_length", format!("{} m", along_x + 0.0));
     add("luminous_height", format!("{} m", metres("luminous_height_c0_mm")));
-    add("input_watts", fields.number(&["watts", "set_1_watts"]).unwrap_or(0.0).to_string());
+    add(
+        "input_watts",
+        fields
+            .number(&["watts", "set_1_watts", "Emitter/InputWattage", "Emitter/InputWatts"])
+            .unwrap_or(0.0)
+            .to_string(),
+    );
     Some(Relabelled { measurement, metadata, lost: Vec::new() })
 }
 

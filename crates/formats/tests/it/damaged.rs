@@ -93,6 +93,8 @@ fn small_texts() -> Vec<(&'static str, String, Interpretation)> {
         ),
         ("radiometric-csv", csv("# quantity: emission\n# value_unit: cd\n", "c,gamma,value\n0,0,9\n0,90,3\n90,90,2\n"), &plain),
         ("tm-27", spdx("<SpectralData wavelength=\"400.5\">0.5</SpectralData><SpectralData wavelength=\"410\">0.6</SpectralData>"), &plain),
+        ("tm-33", tm33("<AbsolutePhotometry>true</AbsolutePhotometry><Symm>Symm_Quad</Symm><Multiplier>1.5</Multiplier>"), &plain),
+        ("zemax-bsdf", "Source Measured\nSymmetry ASymmetrical4D\nSpectralContent Monochrome\nScatterType BRDF\nSampleRotation 2\n0 90\nAngleOfIncidence 2\n0 30.5\nScatterAzimuth 2\n0 180\nScatterRadial 3\n0 5 80\n\nMonochrome\nDataBegin\nTIS 0.5\n1 2 3\n4 5 6\nTIS 0.5\n1 2 3\n4 5 6\nTIS 0.5\n1 2 3\n4 5 6\nTIS 0.5\n1 2 3\n4 5 6e-1\nDataEnd\n".to_owned(), &plain),
         ("spectral-table", "nm,a,b\n400,1,2\n410,3.5,4\n420.5,5,6e-1\n".to_owned(), &plain),
         ("spectral-table", "400 1\n410 2\n420 3\n".to_owned(), &plain),
         ("spectral-table", "Model Name\tLI-180\nCCT\t5465\n380nm\t27.5\n381nm\t27.9\n382nm\t28.5\nCRI\t98.8\n".to_owned(), &plain),
@@ -123,6 +125,17 @@ fn spdx(data: &str) -> String {
     format!(
         "<IESTM2714 xmlns=\"iestm2714\" version=\"1.0\"><Header/><SpectralDistribution><SpectralQuantity>relative\
          </SpectralQuantity><BandwidthFWHM>2</BandwidthFWHM>{data}</SpectralDistribution></IESTM2714>"
+    )
+}
+
+fn tm33(head: &str) -> String {
+    let datum = |h: u32, v: u32| format!("<IntData h=\"{h}\" v=\"{v}\">{}</IntData>", h + v + 1);
+    let data: String = [0, 90].into_iter().flat_map(|h| [0, 45, 90].map(|v| datum(h, v))).collect();
+    format!(
+        "<IESTM33-22><Version>1.1</Version><Emitter><Quantity>1</Quantity><LuminousData><LuminousIntensity>{head}\
+         <NumberHorz>2</NumberHorz><NumberVert>3</NumberVert>{data}</LuminousIntensity></LuminousData>\
+         <SpectralData><EmitterSpectral><PwrData w=\"400\">0.5</PwrData><PwrData w=\"550.5\">1</PwrData></EmitterSpectral>\
+         </SpectralData></Emitter></IESTM33-22>"
     )
 }
 

@@ -15,6 +15,9 @@ mod lobes;
 #[path = "../../examples/luminaire.rs"]
 mod luminaire;
 #[allow(dead_code, reason = "a program's main is not called by its test")]
+#[path = "../../examples/samples.rs"]
+mod samples;
+#[allow(dead_code, reason = "a program's main is not called by its test")]
 #[path = "../../examples/table9.rs"]
 mod table9;
 
@@ -126,4 +129,26 @@ fn scattered_scans_become_materials_as_good_as_their_noise() {
     let text = String::from_utf8(out).unwrap();
     assert!(good, "{text}");
     assert!(text.contains("inside the blind spot") && text.contains("filled and marked"), "{text}");
+}
+
+#[test]
+fn samples_are_printed_at_their_directions() {
+    let file = |name: &str| std::fs::read(crate::root().join("tests/fixtures").join(name)).unwrap();
+    let printed = |name: &str| {
+        let mut out = Vec::new();
+        let how = Interpretation { unit: None, ..Interpretation::default() };
+        samples::print(&wavelume_formats::formats::read(&file(name), &how).unwrap(), &mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    };
+    let lamp = printed("tm33/street.xml");
+    assert!(lamp.starts_with("tm-33,edf,cd\n,,90,0,") && lamp.contains("\n,,180,90,120\n"), "{lamp}");
+    let paint = printed("zemax/satin.bsdf");
+    assert!(
+        paint.starts_with("zemax-bsdf,brdf,1/sr\n0,0,0,0,0.92") && paint.contains("\n30,0,30,180,1.4199999"),
+        "{paint}"
+    );
+    let how = Interpretation::default();
+    let document =
+        wavelume_formats::formats::read(&std::fs::read(crate::root().join("data/virtual/plastic.json")).unwrap(), &how);
+    assert!(samples::print(&document.unwrap(), &mut Vec::new()).is_err());
 }

@@ -95,6 +95,8 @@ fn the_table_names_every_format_once() {
         "radiometric-csv",
         "radiometric-arrow",
         "tm-27",
+        "tm-33",
+        "zemax-bsdf",
         "alta",
         "virtual",
         "phase-table",

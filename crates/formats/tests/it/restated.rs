@@ -306,6 +306,24 @@ fn luminaires_of_one_format_are_written_as_the_other() {
     assert_eq!((azimuths.extent, azimuths.angles.len()), (AzimuthExtent::Closed, 21));
     let rows = closed.tensor.samples().chunks(21).flat_map(|row| &row[..20]);
     assert!(rows.eq(stated.tensor.samples()));
+    // TM-33 has keywords of its own for the same things.
+    let xml = of("tests/fixtures/tm33/street.xml");
+    let (lamp, stated) =
+        (compressed(&xml, Target::Lossless, true), on_grid(&read(&xml, &Interpretation::default()).unwrap()));
+    let (ies, ldt) = (exported(&lamp, ExportFormat::Lm63).bytes, exported(&lamp, ExportFormat::Eulumdat).bytes);
+    assert!(
+        text(&ies).contains("[MANUFAC] Made up\r\n[LUMCAT] not stated\r\n[LUMINAIRE] Street luminaire"),
+        "{}",
+        text(&ies)
+    );
+    let lines: Vec<String> = text(&ldt).lines().map(str::to_owned).collect();
+    assert_eq!([&lines[0], &lines[2], &lines[8], &lines[31]], ["Made up", "3", "Street luminaire", "28"]);
+    for file in [&ies, &ldt] {
+        let back = on_grid(&read(file, &Interpretation::default()).unwrap());
+        assert_eq!(back.tensor.axes(), stated.tensor.axes());
+        let pairs = back.tensor.samples().iter().zip(stated.tensor.samples());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3 * b), "{}", text(file));
+    }
     // And the other way: C360 goes, and what it said beside C0 is named.
     let file = exported(&compressed(&of("data/ushio_b1.ies"), Target::Lossless, true), ExportFormat::Lm63);
     assert!(file.about.lost.is_empty());

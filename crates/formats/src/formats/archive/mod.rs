@@ -135,6 +135,29 @@ mod tests {
     }
 
     #[test]
+    fn luminaires_of_a_gldf_archive_may_be_xml_and_have_emitters() {
+        let data = "<LuminousData><LuminousIntensity><IntData h=\"0\" v=\"0\">9</IntData>\
+                    <IntData h=\"0\" v=\"90\">0</IntData></LuminousIntensity></LuminousData>";
+        let emitter = |id: &str| format!("<Emitter><ID>{id}</ID>{data}</Emitter>");
+        let xml = format!("<IESTM33-22>{}{}</IESTM33-22>", emitter("up"), emitter("down"));
+        let bytes = zipped(&[
+            ("product.xml", b"<Root xmlns:x=\"https://gldf.io/xsd\"/>"),
+            ("ldc/3000K.iesxml", xml.as_bytes()),
+            ("ldc/4000K.iesxml", xml.as_bytes()),
+            ("ldc/lamp.ies", LAMP),
+        ]);
+        let error = plain(&bytes, None).unwrap_err();
+        assert!(error.message.contains("3 measurements") && error.message.contains("4000K.iesxml"), "{error}");
+        let how = Interpretation {
+            member: Some("4000K.iesxml".to_owned()),
+            column: Some("down".to_owned()),
+            ..Interpretation::default()
+        };
+        let lamp = super::super::read(&bytes, &how).unwrap();
+        assert_eq!((lamp.format, lamp.report.metadata[0].1.as_str()), ("tm-33", "ldc/4000K.iesxml"));
+    }
+
+    #[test]
     fn an_array_finds_its_manifest_beside_it() {
         let array = super::super::write_npy(&[4, 3], &[0.5; 12]);
         let bytes = zipped(&[("v.npy", &array), ("v.axes.json", br#"{"quantity":"edf","axes":["hemi:0","rgb"]}"#)]);

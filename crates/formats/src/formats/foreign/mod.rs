@@ -81,9 +81,14 @@ const TABLE: &[Foreign] = &[
         matches: |s| s.head.starts_with("VERSION 0.") && s.head.contains("DATA_TYPE"),
     },
     Foreign {
-        name: "a Zemax or LightTools BSDF",
+        name: "a LightTools BSDF",
         advice: CONVERT,
-        matches: |s| s.head.contains("Symmetry") && s.head.contains("SpectralContent"),
+        matches: |s| says(s, "symmetry") && says(s, "spectralcontent") && (says(s, "aoi") || says(s, "side")),
+    },
+    Foreign {
+        name: "a Zemax or LightTools BSDF without its list of angles of incidence",
+        advice: CONVERT,
+        matches: |s| says(s, "symmetry") && says(s, "spectralcontent"),
     },
     Foreign {
         name: "an Integra BSDF (.ddr, .ddt)",
@@ -250,11 +255,10 @@ pub(super) fn xml_root(head: &str) -> Option<&str> {
 
 fn xml(root: &str, head: &str) -> String {
     let (name, advice) = match root {
-        "IESTM33-22" | "LuminaireOpticalData" => ("an IES TM-33 luminaire (XML)", LUMINAIRE),
         "WindowElement" => ("a WINDOW BSDF (Klems or tensor tree XML)", CONVERT),
         "CxF" => ("CxF3 colour data (XML)", "export the spectra as CSV"),
         "Root" if head.contains("gldf.io") => {
-            ("the description of a GLDF luminaire (XML)", "send the .gldf archive, or its .ies and .ldt files")
+            ("the description of a GLDF luminaire (XML)", "send the .gldf archive, or the luminaires in it")
         }
         "html" | "HTML" => ("a web page", "send the file itself"),
         other => {
@@ -307,7 +311,6 @@ mod tests {
             (b"\xef\xbb\xbf<?xml version=\"1.0\"?>\n<!-- x -->\n<cc:CxF xmlns:cc=\"u\">".to_vec(), "CxF3"),
             (b"<!DOCTYPE html><html>".to_vec(), "web page"),
             (b"<WindowElement>".to_vec(), "WINDOW"),
-            (b"<IESTM33-22/>".to_vec(), "TM-33"),
             (b"<item></item>".to_vec(), "`item`"),
             (b"{\"quantity\": \"brdf\", \"axes\": []}".to_vec(), "manifest"),
             (b"BZh91AY&SY\0".to_vec(), "bzip2"),
@@ -320,7 +323,12 @@ mod tests {
             (b"VERSION 0.3\nDATA_TYPE brdf\n".to_vec(), "SSDD"),
             (
                 b"Source Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\n".to_vec(),
-                "Zemax or LightTools",
+                "Zemax or LightTools BSDF without its list",
+            ),
+            (
+                b"Symmetry Asymmetric\nSpectralContent RGB\nScatterAzimuth 1\n0\nScatterRadial 1\n0\nDataBegin\nAOI 0\nPOI 0\n"
+                    .to_vec(),
+                "a LightTools BSDF",
             ),
             (b"Source Measured\nTypeSym AxiSymmetrical\nTypeColorModel rgb\nsigma 2\n0 30\n".to_vec(), "Integra"),
             (b"#sample_name \"x\"\n#intheta 30\n10 20 0.1\n20 20 0.1\n".to_vec(), "mountain"),
