@@ -1,5 +1,6 @@
 //! Description of a measurement, which the user sees before anything is compressed.
 
+use super::fingerprint::Fingerprint;
 use super::options::Options;
 use crate::domain::{Axis, Domain, Frame, Quantity, Sampling, Unit, WavelengthGrid};
 use crate::formats::{
@@ -45,6 +46,11 @@ pub(crate) struct Understood {
     /// Reading options that the client stated when it uploaded the file.
     #[serde(default)]
     pub options: Options,
+    /// Fingerprint of the values and coordinates that were read; absent while the file cannot be read without a further
+    /// option, and for measurements that earlier versions have stored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub fingerprint: Option<Fingerprint>,
 }
 
 /// Axis on which a file states its values; the kind of the axis decides which fields are present.
@@ -266,6 +272,7 @@ pub(crate) fn describe(acquisition: &Acquisition, options: &Options) -> Understo
         fields: fields.map(|(name, value)| HeaderField { name: name.clone(), value: value.clone() }).collect(),
         needs: Vec::new(),
         options: options.clone(),
+        fingerprint: Some(Fingerprint::of(acquisition)),
     }
 }
 
@@ -285,6 +292,7 @@ pub(crate) fn describe_needy(format: &str, need: &str, options: &Options) -> Und
         fields: Vec::new(),
         needs: vec![need.to_owned()],
         options: options.clone(),
+        fingerprint: None,
     }
 }
 

@@ -185,7 +185,7 @@ impl Archive {
     }
 
     /// Returns the tenant that owns the checked bytes, as a report names it; `None` for the default tenant.
-    fn told_tenant(&self) -> Option<String> {
+    pub(super) fn told_tenant(&self) -> Option<String> {
         Some(self.catalog.tenant()).filter(|tenant| !tenant.is_default()).map(ToString::to_string)
     }
 

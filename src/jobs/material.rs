@@ -259,7 +259,7 @@ fn is_joined_alike(options: &Options, origin: &StatedOrigin) -> bool {
 }
 
 /// Describes the first error measure of a material that is larger than its file states; `None` if none is.
-fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String> {
+pub(super) fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String> {
     if found.mask_mismatches > stated.mask_mismatches {
         let (found, stated) = (found.mask_mismatches, stated.mask_mismatches);
         return Some(format!(

@@ -200,9 +200,15 @@ fn a_read_only_directory_is_checked_listed_and_backed_up() {
         write("a-w");
         let before = below(Path::new(&data));
         let backup = user.directory(&format!("{name}-backup")).display().to_string();
-        for command in [&["fsck"][..], &["keys", "list"], &["tenants", "list"], &["backup", &backup]] {
+        for command in
+            [&["fsck"][..], &["fsck", "--readings"], &["keys", "list"], &["tenants", "list"], &["backup", &backup]]
+        {
             let told = user.done(&[command, &["--data", &data]].concat());
-            let expected = if command[0] == "fsck" { "checked 1 blobs" } else { "" };
+            let expected = match command {
+                ["fsck"] => "checked 1 blobs",
+                ["fsck", ..] => "read 1 measurement again\n",
+                _ => "",
+            };
             assert!(told.contains(expected), "{told}");
         }
         let (one, all) = (["gc"], ["fsck", "--repair"]);
