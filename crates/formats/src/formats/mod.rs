@@ -39,6 +39,7 @@ mod tm27;
 mod tm33;
 mod turned;
 mod type_c;
+mod windows;
 mod zemax;
 
 pub use crate::domain::{Note, NoteKind, NoteValue};
@@ -72,6 +73,7 @@ pub use stated_grid::{Contradictions, Repeated, StatedGrid, StatedGridError};
 pub use tabphase::{TabulatedPhase, write_tabphase};
 pub use template::{TEMPLATES, Template, template};
 pub(crate) use type_c::flux as flux_of_planes;
+pub(crate) use windows::changes as changed_in_windows;
 
 /// Reads a measurement from `bytes` in any known format.
 pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {

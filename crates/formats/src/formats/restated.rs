@@ -1,8 +1,6 @@
 //! Shared code of the writers that restate a file with its original angles, keywords and multipliers.
 
-use super::acquisition::ParseReport;
 use super::error::{FormatError, FormatErrorKind};
-use super::text::{Source, WINDOWS};
 use crate::domain::{DirectionGrid, Unit};
 
 /// Rule for the number of digits with which values are written to a text file.
@@ -33,17 +31,6 @@ pub struct Restatement<'a> {
     pub digits: Digits,
 }
 
-/// Metadata key of the encoding of a source file that is neither ASCII nor UTF-8.
-const ENCODING: &str = "text_encoding";
-
-/// Adds the encoding of a source file to the metadata of its reader if the file is written in it again: Windows-1252,
-/// in which older programs expect umlauts and signs such as `°`.
-pub(super) fn keep_encoding(source: &Source, report: &mut ParseReport) {
-    if let Some(encoding) = source.odd_encoding().filter(|name| *name == WINDOWS) {
-        report.metadata.push((ENCODING.to_owned(), encoding.to_owned()));
-    }
-}
-
 /// Range of magnitudes in which a number is written to a text file without an exponent.
 const PLAIN: std::ops::Range<f64> = 1e-6..1e15;
 /// Number of significant decimal digits that suffice to identify any float32.
@@ -58,16 +45,6 @@ impl Restatement<'_> {
     /// Returns the number at the start of the text of the header field `key`.
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         self.kept(key)?.split_whitespace().next()?.parse().ok()
-    }
-
-    /// Encodes the text of a file like its source file. Text that this encoding cannot express stays UTF-8.
-    pub(super) fn encoded(&self, text: String) -> Vec<u8> {
-        if self.kept(ENCODING) == Some(WINDOWS)
-            && let (bytes, _, false) = encoding_rs::WINDOWS_1252.encode(&text)
-        {
-            return bytes.into_owned();
-        }
-        text.into_bytes()
     }
 
     /// Returns the text of the number to write for sample number `entry`: the sample divided by `factor`.

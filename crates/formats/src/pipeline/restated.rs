@@ -60,7 +60,7 @@ pub(super) fn restate_as(
         Some(made) => {
             let origin = Origin { metadata: &made.metadata, ..nothing };
             let restated = restate_own(&made.measurement, None, &origin, format, digits)?;
-            Ok(Restated { lost: made.lost, ..restated })
+            Ok(Restated { lost: [made.lost, restated.lost].concat(), ..restated })
         }
         None => restate_own(measurement, None, &nothing, format, digits),
     }
@@ -110,7 +110,11 @@ fn restate_own(
         [Axis::Grid(directions)] => LampErrors::of(directions, stated, again),
         _ => None,
     };
-    Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp, lost: Vec::new() })
+    let lost = match format {
+        ExportFormat::Mbsdf => Vec::new(),
+        _ => formats::changed_in_windows(origin.metadata.iter().map(|(_, text)| text.as_str())),
+    };
+    Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp, lost })
 }
 
 /// Returns true if both lists of axes have equal angles. Values outside the grid are defined by the format and not

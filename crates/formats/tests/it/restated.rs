@@ -213,11 +213,11 @@ fn every_form_of_planes_comes_back() {
         let listed = planes.iter().map(f64::to_string).collect::<Vec<_>>().join("\r\n");
         let written = written_again(text.as_bytes());
         assert!(String::from_utf8_lossy(&written).contains(&listed), "{symmetry}");
-        // Texts come back in the encoding of the file.
+        // Texts come back in Windows-1252, whatever the encoding of the file.
         let unicode = text.replace("a company", "Büro 5 µm");
         let windows: Vec<u8> = unicode.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+        let line = windows.split(|&b| b == b'\n').next().unwrap();
         for bytes in [unicode.as_bytes(), &windows] {
-            let line = bytes.split(|&b| b == b'\n').next().unwrap();
             assert_eq!(written_again(bytes).split(|&b| b == b'\r').next().unwrap(), line);
         }
     }
@@ -327,6 +327,49 @@ fn luminaires_of_one_format_are_written_as_the_other() {
     // And the other way: C360 goes, and what it said beside C0 is named.
     let file = exported(&compressed(&of("data/ushio_b1.ies"), Target::Lossless, true), ExportFormat::Lm63);
     assert!(file.about.lost.is_empty());
+}
+
+/// Returns the bytes of a text in Windows-1252; for characters of Latin-1 alone.
+fn latin(text: &str) -> Vec<u8> {
+    text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect()
+}
+
+#[test]
+fn names_are_written_in_windows_1252_whatever_the_encoding_of_the_source() {
+    let numbers = "TILT=NONE\n1 -1 1 4 1 1 2 0.1 0.2 0\n1 1 20\n0 30 60 90\n0\n500 433 250 0\n";
+    let names = ["Müller Straße Ä Ø60 m² 4000 °K", "Łódź → CO₂", "light"];
+    for maker in names {
+        let text = format!(
+            "IESNA:LM-63-2002\n[TEST] T\n[TESTLAB] L\n[ISSUEDATE] 1\n[MANUFAC] {maker}\n[LUMINAIRE] {maker}\n{numbers}"
+        );
+        let mut sources = vec![text.clone().into_bytes(), [b"\xef\xbb\xbf", text.as_bytes()].concat()];
+        sources.push([0xff, 0xfe].into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect());
+        if maker.starts_with('M') {
+            sources.push(latin(&text));
+        }
+        let (written, told) = match maker {
+            "Łódź → CO₂" => ("Lódz -> CO2", "characters that Windows-1252 lacks: `Ł` as `L`, `ź` as `z`"),
+            other => (other, ""),
+        };
+        for source in sources {
+            let material = compressed(&source, Target::Lossless, true);
+            let ldt = exported(&material, ExportFormat::Eulumdat);
+            let ies = exported(&material, ExportFormat::Lm63);
+            // And from the other format.
+            let again = exported(&compressed(&ldt.bytes, Target::Lossless, true), ExportFormat::Lm63);
+            for (file, key) in [(&ldt, "company"), (&ies, "MANUFAC"), (&again, "MANUFAC")] {
+                let bytes = latin(written);
+                assert!(file.bytes.windows(bytes.len()).any(|found| found == bytes), "{maker} {key}");
+                let found = read(&file.bytes, &Interpretation::default()).unwrap().report.metadata;
+                assert_eq!(found.iter().find(|(name, _)| name == key).unwrap().1, written);
+            }
+            for file in [&ldt, &ies] {
+                let lost = file.about.lost.join("; ");
+                assert!(lost.contains(told) && lost.is_empty() == told.is_empty(), "{lost}");
+            }
+            assert_eq!(again.about.lost, Vec::<String>::new());
+        }
+    }
 }
 
 #[test]

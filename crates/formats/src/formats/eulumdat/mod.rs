@@ -23,7 +23,6 @@ use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::photometry::check_emission;
 use super::reader::{Reader, Sample};
-use super::restated::keep_encoding;
 use super::text::Source;
 use super::type_c::{flux, type_c};
 use crate::domain::{Quantity, Unit};
@@ -65,7 +64,6 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let (unit, scale) = header.unit(how, &mut report)?;
     let (stated, stand_for, symmetry) = planes::read(&mut lines, &header, scale, &mut report)?;
     let (grid, _) = type_c(stated, stand_for, &source, &mut report)?;
-    keep_encoding(&source, &mut report);
     if unit == Unit::Candela {
         header.check_flux(flux(&grid), &mut report);
     }

@@ -2,6 +2,7 @@
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
+use super::super::windows::encoded;
 use super::about::NAME;
 use super::header::{DIMENSIONS, MOST_PLANES, ROOM_INDICES, even_planes};
 use super::planes::{LISTED, SYMMETRIES, decimal_angle};
@@ -52,7 +53,7 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
     }
     let mut text = lines.join("\r\n");
     text.push_str("\r\n");
-    Ok(grid.encoded(text))
+    Ok(encoded(&text))
 }
 
 /// Returns the number `Isym` of the symmetry, and the azimuths C of all planes on the circle: the stored ones and their

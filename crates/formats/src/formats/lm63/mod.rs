@@ -22,7 +22,6 @@ use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::photometry::check_emission;
 use super::reader::{Reader, Sample};
-use super::restated::keep_encoding;
 use super::text::{Brief, Source};
 use super::type_c::{Planes, flux, type_c};
 use crate::domain::{Quantity, Unit};
@@ -73,7 +72,6 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if header.lumens > 0.0 && unit == Unit::Candela {
         check_flux(flux(&grid), header.lamps as f64 * header.lumens, &mut report);
     }
-    keep_encoding(&source, &mut report);
     Ok(Acquisition {
         format: NAME,
         dialect: format!("{}, type {}, {shape}", labels.revision.name(), header.photometry.name()),

@@ -2,6 +2,7 @@
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
+use super::super::windows::encoded;
 use super::about::NAME;
 use super::labels::Revision;
 use super::lines::list;
@@ -85,7 +86,7 @@ pub fn restate_lm63(grid: &Restatement<'_>, names_unit: bool) -> Result<Vec<u8>,
         let entry = |v: usize| if kind == 2 { h * columns + v } else { v * columns + h };
         list(&mut text, (0..vertical.len()).map(|v| grid.spelled(entry(v), factor)));
     }
-    Ok(grid.encoded(text.replace('\n', "\r\n")))
+    Ok(encoded(&text.replace('\n', "\r\n")))
 }
 
 /// Returns the factor from listed numbers to intensities: the product of the multipliers in the header, in the order in
