@@ -8,6 +8,7 @@ use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, wavelengths};
 use super::writer::{Write, Writer};
 use super::{read_back, resolution};
+use crate::appearance::Viewing;
 use crate::domain::{Axis, Direction, Domain, Quantity, Unit};
 use crate::evaluate::Material;
 use crate::formats::{
@@ -153,10 +154,16 @@ fn what_of(material: &Material) -> &'static str {
 }
 
 fn lost_spectrum(material: &Material) -> Vec<String> {
-    wavelengths(material)
-        .map(|grid| format!("the spectrum: only linear sRGB of {} wavelengths is kept", grid.len()))
-        .into_iter()
-        .collect()
+    let Some(grid) = wavelengths(material) else { return Vec::new() };
+    let mut lost = vec![format!("the spectrum: only linear sRGB of {} wavelengths is kept", grid.len())];
+    if Viewing::default().reflectance(grid).is_err() {
+        let (first, last) = grid.range();
+        lost.push(format!(
+            "the exact colours: {} wavelengths from {first} to {last} nm only allow to estimate them",
+            grid.len()
+        ));
+    }
+    lost
 }
 
 /// Returns a one-line description of a material for the header of an exported file: quantity, axes and, if known,

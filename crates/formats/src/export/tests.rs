@@ -148,6 +148,11 @@ fn merl_and_mbsdf_hold_the_colours_of_isotropic_surfaces() {
     let merl = written(&surface, ExportFormat::Merl, &defaults());
     assert_eq!(merl.bytes.len(), 34_992_012);
     assert!(merl.about.error.er_l2 < 0.03 && merl.about.lost.len() == 1, "{:?}", merl.about);
+    let bands = Axis::Wavelength(WavelengthGrid::even(450.0, 100.0, 3).unwrap());
+    let axes = vec![elevations(), mesh(Domain::Hemisphere, 2), bands];
+    let (banded, _) = material(Quantity::Brdf, Unit::PerSteradian, axes, rough);
+    let lost = written(&banded, ExportFormat::Mbsdf, &ExportOptions { side: Some(24), ..defaults() }).about.lost;
+    assert_eq!(lost[1], "the exact colours: 3 wavelengths from 450 to 650 nm only allow to estimate them");
     let sides = [
         (Quantity::Brdf, Domain::Hemisphere, "reflection, "),
         (Quantity::Btdf, Domain::Lower, "transmission, "),

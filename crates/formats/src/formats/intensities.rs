@@ -105,7 +105,7 @@ pub(super) fn ordered(
 ) -> Result<Ordered, FormatError> {
     let Stated { vertical, horizontal, mut intensities } = stated;
     let mut repeated = Repeated::default();
-    let planes = horizontal.len();
+    let (planes, listed) = (horizontal.len(), vertical.len());
     let mut axis = |angles, range, what, outer, inner| {
         increasing(Line { angles, range, what, outer, inner }, &mut intensities, &mut repeated, source, report)
     };
@@ -113,7 +113,11 @@ pub(super) fn ordered(
     let inner = vertical.len();
     let horizontal = axis(horizontal, horizontal_range, "horizontal", 1, inner)?;
     if vertical.len() < 2 {
-        return Err(source.malformed(source.text().len(), "one vertical angle spans nothing, expected at least two"));
+        let message = match listed {
+            1 => "one vertical angle spans nothing, expected at least two".to_owned(),
+            _ => format!("all {listed} vertical angles are {}°, expected different ones", Brief(vertical[0])),
+        };
+        return Err(source.malformed(source.text().len(), message));
     }
     Ok(Ordered { vertical, horizontal, intensities, repeated })
 }

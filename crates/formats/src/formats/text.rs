@@ -42,6 +42,11 @@ impl Source {
         Self { format, text, encoding }
     }
 
+    /// Replaces the decoded text by one of the same length, in which positions stay what they are.
+    pub(super) fn with_text(self, text: String) -> Self {
+        Self { text, ..self }
+    }
+
     /// Returns the decoded text of the file.
     pub(super) fn text(&self) -> &str {
         &self.text

@@ -56,6 +56,7 @@ wavelume_core::declare_notes! {
         Skipped LongText { lines: usize, most_keywords: usize, most_bytes: usize } =>
             "{lines} lines of text beyond {most_keywords} or longer than {most_bytes} bytes";
         Assumed NoVersionTag => "no version tag, read as LM-63-1986";
+        Assumed DecimalCommas => "commas in numbers are decimal marks: otherwise there are more numbers than the header says";
         Skipped TiltFile { name: Quoted } =>
             "TILT names a file, {name}; files named inside a file are never opened";
         Skipped TiltFactors => "tilt factors are kept as metadata, they do not enter the intensities";

@@ -108,6 +108,23 @@ fn the_table_names_every_format_once() {
 }
 
 #[test]
+fn decimal_commas_in_lm63_are_told_by_the_count_of_numbers() {
+    let points = ies(V2002, "1 -1 1.5 3 1 1 2 0.1 0.2 0", "1.0 1 10", "0 45.5 90\n0\n500.25 43,7 2.5").to_vec();
+    let text = String::from_utf8(points).unwrap().replace("43,7", "43.7");
+    let commas = text.replace("LM-63", "LM_63").replace('.', ",").replace("LM_63", "LM-63");
+    let [stated, found] = [text, commas].map(|text| read(text.as_bytes(), &Interpretation::default()).unwrap());
+    assert_eq!(grid(&found).values.as_slice(), grid(&stated).values.as_slice());
+    assert_eq!(metadata(&found, "luminous_width"), metadata(&stated, "luminous_width"));
+    assert!(has_note(&found, NoteKind::Assumed, "decimal marks") && !has_note(&stated, NoteKind::Assumed, "decimal"));
+    // As separators they stay what they are.
+    let list = ies(V2002, "1,-1,1,3,1,1,2,0,0,0", "1,1,10", "0,45,90\n0\n500,43 , 2").to_vec();
+    assert!(!has_note(&read(&list, &Interpretation::default()).unwrap(), NoteKind::Assumed, "decimal"));
+    let equal = ies(V2002, "1 -1 1 3 1 1 2 0 0 0", "1 1 10", "5 5 5\n0\n500 43 2");
+    let refused = read(&equal, &Interpretation::default()).unwrap_err().to_string();
+    assert!(refused.contains("all 3 vertical angles are 5°, expected different ones"), "{refused}");
+}
+
+#[test]
 fn a_radiometric_luminaire_is_not_called_candela() {
     let lamp = fixture("data/aerolamp.ies");
     assert_eq!((lamp.format, lamp.dialect.as_str()), ("lm-63", "LM-63-2002, type C, no symmetry"));

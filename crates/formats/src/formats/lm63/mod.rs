@@ -50,6 +50,14 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         report.note(TextNote::DecodedAs { encoding });
     }
     let labels = labels::read(&source, &mut report)?;
+    let pointed = if labels.tilt_included { None } else { numbers::with_points(source.text(), labels.numbers_at) };
+    let source = match pointed {
+        Some(text) => {
+            report.note(LuminaireNote::DecimalCommas);
+            source.with_text(text)
+        }
+        None => source,
+    };
     let mut numbers = Numbers::new(&source, labels.numbers_at);
     if labels.tilt_included {
         numbers.tilt(&mut report)?;

@@ -7,8 +7,30 @@ use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::intensities::{Intensities, Stated};
-use crate::formats::text::{Brief, Source, Token, Tokens, listed, snippet};
+use crate::formats::text::{Brief, Source, Token, Tokens, listed, number, snippet};
 use crate::notes::LuminaireNote;
+
+/// Returns the text of an LM-63 file with points in the place of decimal commas behind byte `at`, where its numbers
+/// start. Returns `None` unless the numbers are as many as their header says with decimal commas; as separators,
+/// the commas make more of them.
+pub(super) fn with_points(text: &str, at: usize) -> Option<String> {
+    let (head, numbers) = text.split_at_checked(at)?;
+    let is_mark = |word: &str| word.contains(',') && !word.starts_with(',') && !word.ends_with(',');
+    // Most files have none at all.
+    if !numbers.contains(',') || !numbers.split_whitespace().any(is_mark) {
+        return None;
+    }
+    let pointed = numbers.replace(',', ".");
+    let words: Vec<f64> = pointed.split_whitespace().map(number).collect::<Option<_>>()?;
+    let count = |field: usize| words.get(field).filter(|n| (1.0..1e6).contains(*n) && n.fract() == 0.0);
+    let (v, h) = (count(VERTICAL)?, count(VERTICAL + 1)?);
+    (words.len() as f64 == HEADER + v + h + v * h).then(|| format!("{head}{pointed}"))
+}
+
+/// Count of the numbers of an LM-63 file before its angles.
+const HEADER: f64 = 13.0;
+/// Place of the number of vertical angles among the numbers of an LM-63 file, from 0; that of horizontal ones is next.
+const VERTICAL: usize = 3;
 
 /// Reader of the numbers after the TILT line of an LM-63 file.
 pub(super) struct Numbers<'a> {
