@@ -261,7 +261,7 @@ pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
 }
 
 /// Solid angle that each measured direction of a grid represents, weighted by |cos θ| for surfaces.
-fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
+pub(crate) fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let (polar, around) = (polar_weights(quantity, grid), azimuth_weights(grid));
     polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect()
 }

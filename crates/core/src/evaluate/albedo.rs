@@ -2,6 +2,8 @@
 //! 6.1.3).
 
 use super::geometry::Geometry;
+use super::stated::{Stated, domain_of};
+use crate::compress::weights_of_angles;
 use crate::domain::{Direction, Domain, Measurement, TriangleMesh};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -30,7 +32,7 @@ pub(super) struct Albedos {
     /// Integrals of the measured function times |cos θo| over the outgoing directions above, then below the horizon.
     /// Empty unless the data cover the whole sphere and the quantity has a factor |cos θo|.
     halves: [Vec<f32>; 2],
-    /// Domain of outgoing directions (hemisphere or sphere); `None` if the outgoing axis is not a triangle mesh.
+    /// Domain of outgoing directions (hemisphere or sphere); `None` without an outgoing axis.
     domain: Option<Domain>,
 }
 
@@ -45,6 +47,33 @@ impl Albedos {
         let has_halves = measurement.quantity.has_cosine() && mesh.domain() == Domain::Sphere;
         let halves = if has_halves { [table(0..n / 2), table(n / 2..n)] } else { [Vec::new(), Vec::new()] };
         Self { both: table(0..n), halves, domain: Some(mesh.domain()) }
+    }
+
+    /// Integrates samples on a grid of angles, times |cos θo|, for every incoming direction of the grid and every
+    /// wavelength. Between the angles of the grid values are linear, as compression measures light. The result holds no
+    /// integrals if the grid covers no area.
+    pub(super) fn of_angles(stated: &Stated) -> Self {
+        let geometry = stated.geometry();
+        let Some(grid) = geometry.outgoing_grid().filter(|_| stated.has_albedo()) else { return Self::default() };
+        let (quantity, [n_in, _, lambdas]) = (geometry.quantity(), geometry.shape());
+        let all = weights_of_angles(quantity, grid);
+        let of_side = |is_above: bool| -> Vec<f64> {
+            let is_here = |outgoing: usize| (grid.direction(outgoing).cos_theta() >= 0.0) == is_above;
+            all.iter().enumerate().map(|(outgoing, &weight)| if is_here(outgoing) { weight } else { 0.0 }).collect()
+        };
+        let table = |weights: &[f64]| {
+            let mut table = vec![0.0; geometry.entries() * n_in * lambdas];
+            table.par_chunks_mut(lambdas).enumerate().for_each(|(slice, albedo)| {
+                write_integrals(&stated.slice(slice), weights, albedo);
+            });
+            table
+        };
+        let domain = domain_of(quantity);
+        let halves = match domain {
+            Domain::Sphere => [true, false].map(|is_above| table(&of_side(is_above))),
+            _ => [Vec::new(), Vec::new()],
+        };
+        Self { both: table(&all), halves, domain: Some(domain) }
     }
 
     /// Returns the albedos `[incoming direction, wavelength]` of reflected, transmitted or all light. `is_above` is
@@ -92,19 +121,24 @@ fn table(measurement: &Measurement, mesh: TriangleMesh, lambdas: usize, leaves: 
     let cell = mesh.len() * lambdas;
     let mut table = vec![0.0; samples.len() / mesh.len()];
     table.par_chunks_mut(lambdas).zip(samples.par_chunks(cell)).for_each(|(albedo, cell)| {
-        let mut sums = vec![(0.0_f64, false); lambdas];
-        let spectra = cell[leaves.start * lambdas..leaves.end * lambdas].chunks_exact(lambdas);
-        for (spectrum, measure) in spectra.zip(&measures) {
-            for ((sum, measured), &sample) in sums.iter_mut().zip(spectrum) {
-                if !sample.is_nan() {
-                    *sum += measure * f64::from(sample);
-                    *measured = true;
-                }
-            }
-        }
-        for (albedo, (sum, measured)) in albedo.iter_mut().zip(sums) {
-            *albedo = if measured { sum as f32 } else { f32::NAN };
-        }
+        write_integrals(&cell[leaves.start * lambdas..leaves.end * lambdas], &measures, albedo);
     });
     table
+}
+
+/// Writes the sums of `samples` `[outgoing, wavelength]` times `measures`, one for each outgoing direction, to `out`. A
+/// sum is NaN if all its samples are masked.
+fn write_integrals(samples: &[f32], measures: &[f64], out: &mut [f32]) {
+    let mut sums = vec![(0.0_f64, false); out.len()];
+    for (spectrum, measure) in samples.chunks_exact(out.len()).zip(measures) {
+        for ((sum, measured), &sample) in sums.iter_mut().zip(spectrum) {
+            if !sample.is_nan() {
+                *sum += measure * f64::from(sample);
+                *measured = true;
+            }
+        }
+    }
+    for (out, (sum, measured)) in out.iter_mut().zip(sums) {
+        *out = if measured { sum as f32 } else { f32::NAN };
+    }
 }

@@ -57,6 +57,8 @@ enum Body {
         stated: Box<Stated>,
         /// Averages of the function over triangles of directions, built on first use.
         cells: OnceLock<Result<Box<Material>, EvaluateError>>,
+        /// Directional albedos under the grid's own incoming directions, computed on first use.
+        albedos: OnceLock<Albedos>,
     },
 }
 
@@ -114,7 +116,7 @@ impl Material {
         let geometry = Geometry::new(&measurement)?;
         let body = if geometry.is_grid() {
             let stated = Box::new(Stated::new(&measurement, geometry, course));
-            Body::Grid { stated, cells: OnceLock::new() }
+            Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() }
         } else {
             let albedos = Albedos::new(&measurement, &geometry);
             let function = Function::new(measurement, geometry, course);
@@ -132,7 +134,8 @@ impl Material {
             Body::Cells(_) => self,
             Body::Grid { stated, .. } => {
                 let stated = Box::new(stated.with_straight(share.clamp(0.0, 1.0)));
-                Self { body: Body::Grid { stated, cells: OnceLock::new() }, summary: self.summary }
+                let body = Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() };
+                Self { body, summary: self.summary }
             }
         }
     }
@@ -155,7 +158,7 @@ impl Material {
     pub fn over_triangles(&self) -> Result<&Self, EvaluateError> {
         match &self.body {
             Body::Cells(_) => Ok(self),
-            Body::Grid { stated, cells } => {
+            Body::Grid { stated, cells, .. } => {
                 let made = cells.get_or_init(|| {
                     let (alignment, between) = (Some(stated.lines().alignment()), stated.lines().between());
                     Self::on_course(stated.cell_averages()?, Course { alignment, between }).map(Box::new)
@@ -243,9 +246,10 @@ impl Material {
     pub fn memory(&self) -> usize {
         let body = match &self.body {
             Body::Cells(cells) => cells.memory(),
-            Body::Grid { stated, cells } => {
+            Body::Grid { stated, cells, albedos } => {
+                let albedos = albedos.get().map_or(0, Albedos::memory);
                 let cells = cells.get().and_then(|cells| cells.as_ref().ok()).map_or(0, |cells| cells.memory());
-                size_of::<Stated>() + stated.memory() + cells
+                size_of::<Stated>() + stated.memory() + cells + albedos
             }
         };
         size_of::<Self>() + body
@@ -533,7 +537,10 @@ impl Material {
     /// Precomputed albedos of reflected, transmitted or all light, `[incoming direction, wavelength]`. `is_above` is
     /// true for incoming directions above the horizon; `None` if no light can leave on the requested side.
     pub(super) fn stored_albedos(&self, side: Side, is_above: bool) -> Option<&[f32]> {
-        self.cells()?.albedos.of(side, is_above)
+        match &self.body {
+            Body::Cells(cells) => cells.albedos.of(side, is_above),
+            Body::Grid { stated, albedos, .. } => albedos.get_or_init(|| Albedos::of_angles(stated)).of(side, is_above),
+        }
     }
 }
 

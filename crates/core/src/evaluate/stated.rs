@@ -11,7 +11,7 @@ use super::samples::known_sum;
 use super::spectrum::between;
 use super::turning::Turning;
 use crate::domain::vector::{Vector, cross, dot, norm, turned};
-use crate::domain::{Axis, Direction, Domain, Frame, Measurement, Quantity, Tensor};
+use crate::domain::{Axis, AzimuthExtent, Direction, DirectionGrid, Domain, Frame, Measurement, Quantity, Tensor};
 use crate::numeric::wide;
 use rayon::prelude::*;
 
@@ -68,6 +68,19 @@ impl Stated {
 
     pub(super) fn geometry(&self) -> &Geometry {
         &self.geometry
+    }
+
+    /// Returns true if the quantity has an albedo, and the grid of outgoing directions covers an area to integrate
+    /// over.
+    pub(super) fn has_albedo(&self) -> bool {
+        let has_area = |grid: &DirectionGrid| {
+            let (low, high) = grid.covers();
+            let is_line = grid.azimuths().is_some_and(|azimuths| {
+                azimuths.extent == AzimuthExtent::Sector && azimuths.angles.first() == azimuths.angles.last()
+            });
+            high > low && !is_line
+        };
+        self.geometry.quantity().has_cosine() && self.geometry.outgoing_grid().is_some_and(has_area)
     }
 
     pub(super) fn lines(&self) -> &Lines {

@@ -6,6 +6,7 @@ use crate::domain::{Domain, ErrorReport, Quantity};
 use crate::evaluate::albedo::{Side, is_above};
 use crate::evaluate::error::{EvaluateError, Need};
 use crate::evaluate::material::Material;
+use crate::evaluate::stated::{Stated, domain_of};
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -100,12 +101,17 @@ pub struct NormalisationReport {
 
 impl Material {
     /// Reports the energy that leaves the material for every sampled incoming direction and wavelength, from the
-    /// piecewise constant function. Fails for quantities without an outgoing axis.
+    /// piecewise constant function; albedos of samples on a grid of angles are those of the function that is linear
+    /// between the angles. Fails for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
-        let cells = self.over_triangles()?;
-        cells.needs_outgoing(Need::Energy)?;
         let quantity = self.quantity();
         let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };
+        if self.stated().is_some_and(Stated::has_albedo) {
+            report.albedo = Some(self.albedo_report());
+            return Ok(report);
+        }
+        let cells = self.over_triangles()?;
+        cells.needs_outgoing(Need::Energy)?;
         match quantity {
             Quantity::Edf => report.flux = Some(self.fluxes()),
             Quantity::Phase => report.normalisation = Some(cells.normalisation()),
@@ -142,7 +148,11 @@ impl Material {
     fn albedo_report(&self) -> AlbedoReport {
         let both = self.side(Side::Both);
         let lambdas = self.lambdas();
-        let has_both = self.geometry().mesh().is_some_and(|lookup| lookup.mesh().domain() == Domain::Sphere);
+        let domain = match self.geometry().mesh() {
+            Some(lookup) => lookup.mesh().domain(),
+            None => domain_of(self.quantity()),
+        };
+        let has_both = domain == Domain::Sphere;
         let part = |side| if has_both { self.largest(&self.side(side), 1.0) } else { None };
         let largest = self.largest(&both, 1.0);
         let excess = largest.as_ref().map_or(0.0, |spot| (spot.value - 1.0).max(0.0));
