@@ -17,7 +17,7 @@ pub use seal::sealed;
 
 use std::borrow::Cow;
 use wavelume_core::compress::{self, Summary};
-use wavelume_core::domain::Axis;
+use wavelume_core::domain::{Axis, Direction};
 use wavelume_formats::formats::{self, Acquisition, Interpretation, Samples};
 use wavelume_formats::projection::{self, AxesRequest};
 
@@ -148,6 +148,54 @@ pub fn read_format(bytes: &[u8]) {
 /// Reads `bytes` between a beginning and an end that make the file be recognised.
 pub fn read_within(before: &[u8], bytes: &[u8], after: &[u8]) {
     read_format(&[before, bytes, after].concat());
+}
+
+/// Reads `bytes` as a BSDF of WINDOW or Radiance with every choice of its functions, and projects what is small. Bytes
+/// without the root element are the numbers of a matrix, or of a tree if they have a brace.
+pub fn read_bsdf_xml(bytes: &[u8]) {
+    const ROOT: &[u8] = b"<WindowElement";
+    let file = if bytes.windows(ROOT.len()).any(|window| window == ROOT) {
+        Cow::Borrowed(bytes)
+    } else {
+        let numbers = String::from_utf8_lossy(bytes).replace(['<', '&'], " ");
+        let structure =
+            if numbers.contains('{') { ["TensorTree3", "TensorTree4"][numbers.len() % 2] } else { "Columns" };
+        Cow::Owned(window(structure, &numbers).into_bytes())
+    };
+    let quantities = [None, Some("brdf"), Some("btdf"), Some("bsdf")];
+    for (quantity, side) in
+        quantities.iter().flat_map(|quantity| [None, Some("front"), Some("back")].map(|side| (quantity, side)))
+    {
+        let how = serde_json::json!({ "quantity": quantity, "side": side, "band": side.and(Some("Visible")) });
+        let how: Interpretation = serde_json::from_value(how).expect("options by their names");
+        let Ok(acquisition) = formats::read(&file, &how) else { continue };
+        if let Samples::Function(modelled) = &acquisition.samples {
+            let mut value = [0.0];
+            for (theta, phi) in [(0.0, 0.0), (20.0, 100.0), (45.0, 225.0), (90.0, 300.0), (120.0, 10.0), (180.0, 0.0)] {
+                let [wi, wo] = [theta % 90.0, theta].map(|theta| Direction::from_degrees(theta, phi));
+                modelled.function.evaluate(wi, wo, &mut value);
+            }
+        }
+        project(&acquisition);
+    }
+}
+
+/// File with one function of a small basis, or of a tree, whose values are `numbers`.
+fn window(structure: &str, numbers: &str) -> String {
+    let ring = |low: u8, high: u8, count: u8| {
+        format!(
+            "<AngleBasisBlock><nPhis>{count}</nPhis><ThetaBounds><LowerTheta>{low}</LowerTheta><UpperTheta>{high}</UpperTheta>\
+             </ThetaBounds></AngleBasisBlock>"
+        )
+    };
+    let rings = [ring(0, 30, 1), ring(30, 90, 2)].concat();
+    format!(
+        "<WindowElement><Optical><Layer><DataDefinition><IncidentDataStructure>{structure}</IncidentDataStructure><AngleBasis>\
+         <AngleBasisName>own</AngleBasisName>{rings}</AngleBasis></DataDefinition><WavelengthData><Wavelength>Visible\
+         </Wavelength><WavelengthDataBlock><WavelengthDataDirection>Reflection Front</WavelengthDataDirection><AngleBasis>\
+         LBNL/Shirley-Chiu</AngleBasis><ColumnAngleBasis>own</ColumnAngleBasis><RowAngleBasis>own</RowAngleBasis>\
+         <ScatteringData>{numbers}</ScatteringData></WavelengthDataBlock></WavelengthData></Layer></Optical></WindowElement>"
+    )
 }
 
 /// Expands a MERL table, whose size is fixed, by repeating a few numbers; returns any other file unchanged.

@@ -263,14 +263,18 @@ mod tests {
             "quantity" => "brdf".to_owned(),
             "unit" => "1/sr".to_owned(),
             "normalization" => "4pi".to_owned(),
+            "side" => "front".to_owned(),
+            "overlap" => "longer".to_owned(),
+            "in_plane_sign" => "source".to_owned(),
             name => format!("the {name}"),
         };
         let texts: Vec<_> = Options::of_upload().map(|declared| (declared, text(declared.name))).collect();
         let options = Options::read(&texts).unwrap().with_axes(Some(serde_json::json!({ "axes": ["index", 2] })));
         let all = format!(
             "{{\"content\":\"{content}\",\"options\":{{\"axes\":\"{{\\\"axes\\\":[\\\"index\\\",2]}}\",\
-             \"column\":\"the column\",\"normalization\":\"4pi\",\"quantity\":\"brdf\",\"spectrum\":\"{content}\",\
-             \"unit\":\"1/sr\",\"wavelength_unit\":\"the wavelength_unit\"}}}}"
+             \"band\":\"the band\",\"column\":\"the column\",\"in_plane_sign\":\"source\",\"normalization\":\"4pi\",\
+             \"overlap\":\"longer\",\"quantity\":\"brdf\",\"side\":\"front\",\"spectrum\":\"{content}\",\"unit\":\"1/sr\",\
+             \"wavelength_column\":\"the wavelength_column\",\"wavelength_unit\":\"the wavelength_unit\"}}}}"
         );
         assert_eq!(options.identity(content), Digest::of(all.as_bytes()));
         let document = serde_json::to_string(&options).unwrap();

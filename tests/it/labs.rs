@@ -27,12 +27,14 @@ fn python_with(module: &str) -> Option<String> {
 fn every_script_writes_what_inspect_understands() {
     let directory = tempfile::tempdir().unwrap();
     let blocks = blocks();
-    assert_eq!(blocks.len(), 8, "blocks in the guide");
+    assert_eq!(blocks.len(), 10, "blocks in the guide");
     for (block, words) in blocks.iter().zip([
         &["spectral-table", "81"][..],
         &["radiometric-csv", "brdf", "a grid of directions"],
         &["radiometric-csv", "brdf, 1/sr", "a grid of directions", "divided by π"],
         &["radiometric-csv", "edf, mW/sr"],
+        &["table of directions", "decimal comma", "brdf, 1/sr", "in the plane of incidence", "Windows-1252"],
+        &["spectral-table", "reflectance, 1", "index (2)", "divided by 100", "2 lines of text after the data"],
         &["radiometric-csv", "1200 scattered directions", "too sparse for the lobe", "filled by reciprocity"],
         &["radiometric-arrow", "brdf", "a grid of directions"],
         &["npy", "brdf"],

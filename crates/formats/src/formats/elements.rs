@@ -1,7 +1,7 @@
 //! Walk over the elements of an XML file, with their attributes and text; nothing outside the file is read.
 //!
 //! Names are those without their namespace, which writers choose freely. Document types and custom entities are
-//! refused, because they can name other files.
+//! refused, because they can name other files. Lines that a tool wrote before the XML declaration are left out.
 
 use super::acquisition::ParseReport;
 use super::error::{FormatError, FormatErrorKind};
@@ -11,9 +11,10 @@ use crate::notes::TextNote;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use std::borrow::Cow;
+use std::ops::Range;
 
-/// Upper bound on the nesting depth of XML elements; TM-27 files have three, TM-33 files seven. Raising it accepts
-/// deeper files.
+/// Upper bound on the nesting depth of XML elements; TM-27 files have three, TM-33 files seven, BSDFs of WINDOW eight.
+/// Raising it accepts deeper files.
 const MAX_DEPTH: usize = 16;
 
 /// Start of an XML element.
@@ -46,6 +47,8 @@ pub(super) struct Room {
 pub(super) trait Visitor {
     /// Receives the start of an element and returns how much of its text is to be kept.
     fn open(&mut self, element: &Element<'_>) -> Result<Room, FormatError>;
+    /// Receives the bytes of the file between the tags of the element whose end comes next.
+    fn content(&mut self, _bytes: Range<usize>) {}
     /// Receives the end of an element that started at byte `offset`, with its text, trimmed.
     fn close(&mut self, name: &str, text: &str, offset: usize) -> Result<(), FormatError>;
 }
@@ -64,6 +67,8 @@ struct Open {
     text: String,
     room: Room,
     offset: usize,
+    /// Byte offset at which the start tag ends.
+    content: usize,
 }
 
 /// Passes every element of an XML file to `visitor`. Lines of a tool before the XML declaration are left out.
@@ -74,8 +79,9 @@ pub(super) fn walk(
     visitor: &mut impl Visitor,
 ) -> Result<(), FormatError> {
     let start = foreign::before_xml(source.text());
-    if start > 0 {
-        report.note(TextNote::LinesBeforeData { lines: source.text()[..start].lines().count() });
+    let lines = source.text()[..start].lines().filter(|line| !line.trim().is_empty()).count();
+    if lines > 0 {
+        report.note(TextNote::LinesBeforeData { lines });
     }
     let place = |within: u64| usize::try_from(within).map_or(usize::MAX, |within| start.saturating_add(within));
     let mut walk = Walk { source, root, stack: Vec::new(), spare: Vec::new(), rooted: false };
@@ -87,13 +93,14 @@ pub(super) fn walk(
             let message: String = error.to_string().chars().take(120).collect();
             source.malformed(at, format!("XML that is not well formed, expected elements that end: {message}"))
         })?;
+        let after = place(xml.buffer_position());
         match event {
-            Event::Start(element) => walk.open(&element, offset, visitor)?,
+            Event::Start(element) => walk.open(&element, offset..after, visitor)?,
             Event::Empty(element) => {
-                walk.open(&element, offset, visitor)?;
-                walk.close(visitor)?;
+                walk.open(&element, offset..after, visitor)?;
+                walk.close(after, visitor)?;
             }
-            Event::End(_) => walk.close(visitor)?,
+            Event::End(_) => walk.close(offset, visitor)?,
             Event::Text(text) => walk.text(&text, offset)?,
             Event::CData(text) => walk.text(&text, offset)?,
             Event::GeneralRef(reference) => {
@@ -137,7 +144,14 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    fn open(&mut self, start: &BytesStart<'_>, offset: usize, visitor: &mut impl Visitor) -> Result<(), FormatError> {
+    /// Opens the element whose start tag has the bytes `tag` of the file.
+    fn open(
+        &mut self,
+        start: &BytesStart<'_>,
+        tag: Range<usize>,
+        visitor: &mut impl Visitor,
+    ) -> Result<(), FormatError> {
+        let offset = tag.start;
         let name = start.local_name();
         let name = name.as_ref();
         if self.stack.is_empty() {
@@ -156,7 +170,7 @@ impl Walk<'_> {
         let spare = self.spare.pop();
         let (mut kept, text) = spare.map_or_else(Default::default, |open| (open.name, open.text));
         kept.push_str(name);
-        self.stack.push(Open { name: kept, text, room, offset });
+        self.stack.push(Open { name: kept, text, room, offset, content: tag.end });
         Ok(())
     }
 
@@ -176,8 +190,10 @@ impl Walk<'_> {
         Ok(())
     }
 
-    fn close(&mut self, visitor: &mut impl Visitor) -> Result<(), FormatError> {
+    /// Closes the innermost element, whose content ends at byte `end` of the file.
+    fn close(&mut self, end: usize, visitor: &mut impl Visitor) -> Result<(), FormatError> {
         let Some(mut open) = self.stack.pop() else { return Ok(()) };
+        visitor.content(open.content..end);
         visitor.close(&open.name, open.text.trim(), open.offset)?;
         open.name.clear();
         open.text.clear();

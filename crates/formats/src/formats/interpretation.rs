@@ -1,6 +1,9 @@
 //! Options of reading: information missing from a file's bytes, declared once with help text and values.
 
+use super::in_plane::InPlaneSign;
+use super::lit_side::LitSide;
 use super::normalization::Normalization;
+use super::overlap::Overlap;
 use super::stated::StatedQuantity;
 use crate::domain::{Declared, Quantity, Unit, Values, any_text};
 use serde::{Deserialize, Serialize};
@@ -84,11 +87,23 @@ reading! {
         /// Column of values of a spectral table, emitter of a TM-33 luminaire, or channel of a Zemax BSDF, by name or
         /// by number from 1 (wavelengths are not counted).
         pub column: String => Values::Text { shown: "COLUMN", check: any_text },
+        /// Column of wavelengths of a spectral table, by name or by number from 1, if its header does not say it.
+        pub wavelength_column: String => Values::Text { shown: "COLUMN", check: any_text },
+        /// Rule for wavelengths that two detectors of an instrument measured: the values of the detector for shorter
+        /// wavelengths (the default), of the one for longer wavelengths, or their mean.
+        pub overlap: Overlap => Values::Name { shown: None, names: Overlap::all_names },
+        /// Side of the plane of incidence on which positive `theta_o` at azimuth 0 lies: that of the `mirror` (the
+        /// default for angles with a sign and without azimuths), or that of the `source` (the default for azimuths).
+        pub in_plane_sign: InPlaneSign => Values::Name { shown: None, names: InPlaneSign::all_names },
         /// Integral of the values of a phase table over the sphere; `vsf` is that of a volume scattering function,
         /// `relative` an arbitrary one.
         pub normalization: Normalization => Values::Name { shown: None, names: Normalization::all_names },
         /// File of a zip archive, by name; `inspect` lists them.
         pub member: String => Values::Text { shown: "NAME", check: any_text },
+        /// Side of the light in a BSDF of WINDOW, by its names: `front` is outdoors, `back` indoors.
+        pub side: LitSide => Values::Name { shown: None, names: LitSide::all_names },
+        /// Band of a BSDF of WINDOW, by the name in the file, such as Visible or Solar.
+        pub band: String => Values::Text { shown: "BAND", check: any_text },
         /// Manifest of an array's axes; by default NAME.axes.json beside NAME.npy, in a directory or in an archive.
         pub axes: serde_json::Value => Values::Document { shown: "MANIFEST" },
     } beside {

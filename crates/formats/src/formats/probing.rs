@@ -14,6 +14,7 @@ const TABLE: &[Reader] = &[
     super::mbsdf::READER,
     super::rgl::READER,
     super::merl::READER,
+    super::asd::READER,
     super::lm63::READER,
     super::eulumdat::READER,
     super::radiometric_csv::READER,
@@ -21,6 +22,10 @@ const TABLE: &[Reader] = &[
     super::tm27::READER,
     super::tm33::READER,
     super::zemax::READER,
+    super::window::READER,
+    super::svc::READER,
+    super::speos::READER,
+    super::sekonic::READER,
     super::alta::READER,
     super::analytic::READER,
     super::phase_table::READER,
@@ -67,6 +72,9 @@ pub(super) fn read_file(bytes: &[u8], how: &Interpretation) -> Result<Acquisitio
 /// Returns the reader with the highest confidence for the beginning of a file, if any. The error describes a known
 /// format that cannot be read.
 fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
+    if let Some(message) = foreign::in_place(sample) {
+        return Err(message);
+    }
     let mut best: Option<(u8, &'static Reader)> = None;
     for reader in TABLE {
         let score = (reader.probe)(sample);

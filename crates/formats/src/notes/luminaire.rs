@@ -30,6 +30,7 @@ wavelume_core::declare_notes! {
         Assumed ConversionFactorNotStated => "no conversion factor of the intensities, taken as 1";
         Warning MeasuredWithTilt { tilt_degrees: Brief } =>
             "measured with a tilt of {tilt_degrees}°; the intensities are kept as they stand";
+        Skipped WattsUnread { found: Quoted } => "the watts of the lamps: found {found}, which is not one number of watts";
         Assumed LampSetsByField => "the lamp sets are written field by field, not set by set";
         Assumed AlternativeLampSets { sets: usize } =>
             "{sets} lamp sets, which are alternatives: the intensities are those of the first";

@@ -11,6 +11,7 @@ wavelume_core::declare_notes! {
             "{columns} columns of values ({names}): the first is read, the option column names another";
         Assumed CosinesInFirstColumn => "the first column is the cosine of the scattering angle, +1 = forward";
         Assumed DegreesInFirstColumn => "the first column is the scattering angle in degrees, 0 = forward";
+        Assumed AnglesInRadians => "the scattering angle is in radians, as the header says: converted to degrees";
         Assumed EvenCosines => "one line of values: at cosines of the scattering angle in even steps from -1 to 1";
         Assumed MomentsFactored => "Legendre moments with the factor 2m + 1, as some are larger than 1";
         Assumed MomentsNotFactored => "Legendre moments without the factor 2m + 1, as none is larger than 1";

@@ -1,6 +1,6 @@
 //! Notes on surfaces: BRDFs, BTDFs and their angles.
 
-use super::Brief;
+use super::{Brief, Quoted};
 
 wavelume_core::declare_notes! {
     /// Remarks for the user (warnings, assumptions) on measurements of surfaces: BRDFs, BTDFs and their angles.
@@ -16,6 +16,28 @@ wavelume_core::declare_notes! {
         Warning GrazingMasked { values: usize } => "{values} values at theta_o of 90 degrees hold a cosine of 0: masked";
         Skipped RowsBelowHorizon { rows: usize } => "{rows} rows with a direction below the horizon";
         Skipped ConfidenceLimits { rows: usize } => "confidence limits of {rows} rows";
+
+        // Columns under the names of laboratories.
+        Assumed ColumnsByName { columns: String } => "columns taken by their names: {columns}";
+        Assumed ReflectanceAsFactor { name: Quoted } =>
+            "{name} over two directions is taken for a reflectance factor (relative to a perfect diffuser): divided by π \
+             (`--quantity brdf` keeps the values as they are)";
+        Assumed AngleOfIncidenceStated { degrees: Brief } =>
+            "theta_i is {degrees} degrees in all rows, as a line before the table says";
+        Assumed BandStated { wavelength_nm: Brief } =>
+            "the wavelength is {wavelength_nm} nm, as a line before the table says";
+        Assumed BandNotStated => "no wavelength is stated: values of one band";
+        Assumed InPlane =>
+            "theta_o without azimuths, in the plane of incidence: positive angles are on the mirror's side, negative ones on the \
+             source's (`--in-plane-sign source` turns them round)";
+        Assumed InPlaneAsAsked { positive: &'static str } =>
+            "positive theta_o at azimuth 0 is on the {positive}'s side, as asked";
+        Assumed AzimuthsFromSource =>
+            "azimuths are taken as 0 on the source's side and 180 on the mirror's (`--in-plane-sign mirror` turns them round)";
+        Warning LobeOnSourceSide { incidences: usize, of: usize, times: Brief } =>
+            "at {incidences} of {of} incidences the largest values are on the source's side of the plane of incidence, up to \
+             {times} times those on the mirror's side: a retro-reflector, or the angles \
+             are counted the other way (`--in-plane-sign`)";
 
         // Azimuths.
         Assumed IsotropicWithoutAzimuth => "no column phi_i: isotropic, phi_o is relative to the incoming azimuth";
@@ -63,6 +85,30 @@ wavelume_core::declare_notes! {
         Warning TotalScatterDiffers { percent: f64 } =>
             "the values make {percent:.0} % of the total integrated scatter that the file states, in the table where they \
              are farthest from it; kept as they stand";
+        // WINDOW.
+        Assumed SideOfLight { side: &'static str } =>
+            "light comes from the {side}, to which +z points; seen from there +y points up and +x to the right, while WINDOW \
+             counts azimuths as seen from indoors and names light by where it goes";
+        Skipped OtherFunctionsHeld { functions: String } =>
+            "other functions of the file, which quantity, side and band choose: {functions}";
+        Skipped ChromaticitiesBesideBsdf { functions: usize } =>
+            "{functions} functions of chromaticity (CIE-u, CIE-v), which are no BSDF";
+        Skipped DirectionsOfDataUnknown { names: String } => "functions of unknown directions: {names}";
+        Skipped GeometryBesideBsdf => "the geometry of the layer";
+        Assumed BasisByName { basis: Quoted, patches: usize } =>
+            "the rings of {basis} are not in the file: {patches} patches as Radiance and WINDOW define them";
+        Warning BasisUnlikeItsName { basis: Quoted } =>
+            "the file defines other rings of {basis} than Radiance, which goes by the name: read as the file defines them";
+        Assumed PatchesAsSteps {
+            narrowest_degrees: Brief, widest_degrees: Brief, polar_angles: usize, azimuths: usize,
+        } => "values are constant over patches {narrowest_degrees}° to {widest_degrees}° wide: a grid of {polar_angles} polar \
+              angles × {azimuths} azimuths with steps at their borders";
+        Assumed IncidentPatches { patches: usize, directions: usize } =>
+            "{patches} incident patches stand for the light at their centres: {directions} directions, interpolated where a \
+             ring has no centre at an azimuth of another";
+        Assumed CellsOfTree { values: usize, narrowest_degrees: Brief, widest_degrees: Brief } =>
+            "{values} values are constant over cells {narrowest_degrees}° to {widest_degrees}° wide about the normal, wider \
+             towards the horizon";
 
         // RGL.
         Assumed TwoAzimuthsIsotropic => "two incident azimuths are an isotropic material, evaluated at azimuth 0";

@@ -19,12 +19,28 @@ wavelume_core::declare_notes! {
              `--quantity reflectance-factor` reads it as a BRDF (divided by π)";
         Warning RowsDiffer { rows: usize, stated: String } => "{rows} rows, but `Number of X Values` says {stated}";
         Assumed RowsTurnedRound => "the rows were turned round, so that wavelengths increase";
+        Warning RowsSorted => "the wavelengths do not increase from row to row: sorted";
+        Warning RowsRepeated { rows: usize } => "{rows} rows repeat another one, value for value: counted once";
+        Assumed DetectorsJoined { from: Brief, to: Brief, rule: &'static str } =>
+            "the ranges of two detectors overlap from {from} to {to} in the unit of the file: joined by the rule {rule} \
+             (`--overlap shorter`, the default, `longer` or `mean`)";
+        Assumed FirstColumnTaken =>
+            "no name says which column holds wavelengths, and each could: the first is taken (`--wavelength-column` names \
+             another)";
+        Skipped NumberingLeftOut { columns: String } => "left out, as it only numbers or repeats the rows: {columns}";
+        Skipped TextLeftOut { columns: String } => "left out, as text: {columns}";
+        Skipped ColumnsLeftOut { columns: String } =>
+            "left out beside the calibrated columns: {columns} (`--column NAME` reads one of them)";
+        Assumed SignalKept => "raw signal of a detector (counts), kept as a spectrum in relative values";
+        Assumed LightNamed { name: Quoted } => "{name}: the shape is kept, as a spectrum in relative values";
         Assumed PercentKept => "the header says percent; relative values are kept as they stand";
         Warning PercentDivided => "the header says percent: divided by 100";
         Warning PercentGuessed { largest: f32 } => "reflectance up to {largest} taken as percent: divided by 100";
         Warning LargeReflectance { largest: f32 } =>
             "reflectance up to {largest}, expected 0 to 1 or percent; kept as it is";
         Warning LargeRatio { largest: f32 } => "values up to {largest}, expected 0 to 1; kept as they are";
+        Filled FillsMasked { values: usize, fill: f32 } =>
+            "{values} values of {fill:e}, which stand for missing ones, are masked";
         Warning MissingMasked { values: usize } => "{values} missing values (blank, NaN or --) are masked";
         Assumed WavelengthUnitGuessed { first: Brief, last: Brief, unit: &'static str } =>
             "no wavelength unit stated, {first} to {last} taken as {unit}";
@@ -36,6 +52,28 @@ wavelume_core::declare_notes! {
         Warning QuantityAsAsked { asked: String, held: String } =>
             "quantity taken as {asked} as asked; the file holds a {held}";
         Warning WavelengthsSorted => "the wavelengths do not increase: sorted";
+
+        // Files of spectrometers and light meters.
+        Assumed LightKept { what: &'static str } =>
+            "{what}: the numbers are kept, as a spectrum in relative values";
+        Assumed RelativeToPanel =>
+            "reflectance relative to a white reference panel, whose own reflectance is taken as 1";
+        Assumed CountsDivided =>
+            "raw counts, divided by those of the white reference in the file; its integration time and gains hold for both \
+             (`--quantity spectrum` keeps the counts)";
+        Warning DarkNotSubtracted => "the dark signal was not subtracted, as the file says: it is part of the values";
+        Warning DetectorsSaturated { detectors: String } => "the instrument reports saturated detectors: {detectors}";
+        Warning DetectorStep { percent: Brief, from: Brief, to: Brief } =>
+            "a step of {percent} % from {from} to {to} nm, where two detectors meet, is kept as it is";
+        Filled ReferenceZero { values: usize } => "{values} wavelengths at which the white reference is 0 are masked";
+        Skipped BytesAfterSpectra { bytes: usize } =>
+            "{bytes} bytes after the spectra (classifiers, calibrations, an audit log)";
+        Assumed PercentOfWhole =>
+            "percent of a maximum that the file does not state: kept as they stand, as a spectrum in relative values \
+             (`--quantity reflectance` divides them by 100)";
+        Assumed PercentAsAsked => "percent, divided by 100, as a reflectance or transmittance was asked for";
+        Skipped CoarserList { wavelengths: usize, of: usize } =>
+            "a list of {wavelengths} wavelengths beside a finer one of {of}";
 
         // Spectrum joined with the intensities of a luminaire.
         Filled JoinedMaskedBridged { wavelengths: usize } =>

@@ -9,9 +9,10 @@ wavelume_core::declare_notes! {
         Assumed DecodedAs { encoding: &'static str } => "text decoded as {encoding}";
         Skipped LinesBeforeData { lines: usize } => "{lines} lines of text before the data";
         Skipped LinesAfterEndMark { lines: usize } => "{lines} lines after the end mark of the data";
+        Skipped LinesAfterData { lines: usize } => "{lines} lines of text after the data";
         Skipped FiguresAroundData { lines: usize } =>
             "{lines} lines of named figures around the data, kept as keywords";
-        Skipped BlankLastColumn => "the last column, which is blank throughout";
+        Skipped BlankColumns { columns: usize } => "{columns} columns that are blank throughout";
         Skipped UnknownColumns { columns: usize, first_names: String } =>
             "{columns} column(s) that are not known: {first_names}";
         Warning ColumnsWithoutHeader { columns: usize } =>

@@ -20,6 +20,9 @@ wavelume_core::declare_notes! {
         Assumed UnitNotStated { unit: Unit } => "no unit stated, taken as {unit}";
         Warning UnitAsAsked { asked: Unit, stated: Unit, source: &'static str } =>
             "unit taken as {asked} as asked; the {source} says {stated}";
+        Assumed UnitForValueUnit => "`unit` is taken for `value_unit`";
+        Assumed AngleUnitNotStated => "no unit of the angles is stated, taken as degrees";
+        Warning PercentDivided => "values in percent: divided by 100";
         Assumed WavelengthUnitNotStated => "`wavelength_unit` is not stated, taken as nm";
         Warning WavelengthUnitAsAsked { asked: &'static str, stated: &'static str } =>
             "wavelengths taken in {asked} as asked; the file says {stated}";

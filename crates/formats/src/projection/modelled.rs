@@ -53,10 +53,15 @@ pub(super) fn project(
     check(Role::Incoming, &modelled.incoming)?;
     // A phase function covers the whole sphere, without a cosine weight.
     let is_phase = acquisition.quantity == Quantity::Phase;
-    let domain = if is_phase { Domain::Sphere } else { Domain::Hemisphere };
-    let mut incoming = incoming(modelled, domain, request.incoming_level)?;
+    let [domain_in, domain_out] = match acquisition.quantity {
+        Quantity::Phase => [Domain::Sphere; 2],
+        Quantity::Btdf => [Domain::Hemisphere, Domain::Lower],
+        Quantity::Bsdf => [Domain::Hemisphere, Domain::Sphere],
+        _ => [Domain::Hemisphere; 2],
+    };
+    let mut incoming = incoming(modelled, domain_in, request.incoming_level)?;
     let spacing = modelled.outgoing_spacing;
-    let mut outgoing = levels::choose_by_distance(Role::Outgoing, domain, spacing, request.outgoing_level)?;
+    let mut outgoing = levels::choose_by_distance(Role::Outgoing, domain_out, spacing, request.outgoing_level)?;
     let spectral =
         spectral::plan(modelled.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
     let channels = spectral.channels;
@@ -77,7 +82,7 @@ pub(super) fn project(
     notes.push(ProjectionNote::CellsOfInterpolant { role: Role::Outgoing.name(), parts, is_by_cosine }.into());
     notes.extend(spectral.notes);
 
-    let weight: fn(Direction) -> f64 = if is_phase { |_| 1.0 } else { Direction::cos_theta };
+    let weight: fn(Direction) -> f64 = if is_phase { |_| 1.0 } else { |wo| wo.cos_theta().abs() };
     let n_out = outgoing.mesh.len();
     let (width, out_width) = (channels.from(), channels.to());
     let mut samples = vec![0.0_f32; count];

@@ -95,6 +95,11 @@ fn small_texts() -> Vec<(&'static str, String, Interpretation)> {
         ("tm-27", spdx("<SpectralData wavelength=\"400.5\">0.5</SpectralData><SpectralData wavelength=\"410\">0.6</SpectralData>"), &plain),
         ("tm-33", tm33("<AbsolutePhotometry>true</AbsolutePhotometry><Symm>Symm_Quad</Symm><Multiplier>1.5</Multiplier>"), &plain),
         ("zemax-bsdf", "Source Measured\nSymmetry ASymmetrical4D\nSpectralContent Monochrome\nScatterType BRDF\nSampleRotation 2\n0 90\nAngleOfIncidence 2\n0 30.5\nScatterAzimuth 2\n0 180\nScatterRadial 3\n0 5 80\n\nMonochrome\nDataBegin\nTIS 0.5\n1 2 3\n4 5 6\nTIS 0.5\n1 2 3\n4 5 6\nTIS 0.5\n1 2 3\n4 5 6\nTIS 0.5\n1 2 3\n4 5 6e-1\nDataEnd\n".to_owned(), &plain),
+        ("bsdf-xml", window("Columns", "0.1, 0.2, 0.3,\n4e-2 0.05 0.6\n-0.007 0.8 0.9"), &plain),
+        ("bsdf-xml", window("TensorTree3", "{ {0.1} {0.2} {0.3} {4e-2} {1 2 3 4 5 6 7 8} {0.6} {0.7} {-0.8} }"), &plain),
+        ("svc", "/*** Spectra Vista SIG Data ***/\nunits= Radiance, Radiance\ndata= \n400.5  100.00  25.00  25.00\n401.9  100.00  -1.50  -1.50\n".to_owned(), &plain),
+        ("speos", "OPTIS - Spectrum file v1.0\nx\n3\n400\t1\n410\t2.5\n420.5\t6e-1\n".to_owned(), &plain),
+        ("sekonic", (0..5).map(|i| format!("Spectral Data {}[nm],0.{i}\n", 380 + i)).collect::<Vec<_>>().concat(), &plain),
         ("spectral-table", "nm,a,b\n400,1,2\n410,3.5,4\n420.5,5,6e-1\n".to_owned(), &plain),
         ("spectral-table", "400 1\n410 2\n420 3\n".to_owned(), &plain),
         ("spectral-table", "Model Name\tLI-180\nCCT\t5465\n380nm\t27.5\n381nm\t27.9\n382nm\t28.5\nCRI\t98.8\n".to_owned(), &plain),
@@ -136,6 +141,24 @@ fn tm33(head: &str) -> String {
          <NumberHorz>2</NumberHorz><NumberVert>3</NumberVert>{data}</LuminousIntensity></LuminousData>\
          <SpectralData><EmitterSpectral><PwrData w=\"400\">0.5</PwrData><PwrData w=\"550.5\">1</PwrData></EmitterSpectral>\
          </SpectralData></Emitter></IESTM33-22>"
+    )
+}
+
+fn window(structure: &str, data: &str) -> String {
+    let ring = |low: u8, high: u8, count: u8| {
+        format!(
+            "<AngleBasisBlock><Theta>{low}</Theta><nPhis>{count}</nPhis><ThetaBounds><LowerTheta>{low}</LowerTheta>\
+             <UpperTheta>{high}</UpperTheta></ThetaBounds></AngleBasisBlock>"
+        )
+    };
+    format!(
+        "<WindowElement><Optical><Layer><DataDefinition><IncidentDataStructure>{structure}</IncidentDataStructure><AngleBasis>\
+         <AngleBasisName>own</AngleBasisName>{}{}</AngleBasis></DataDefinition><WavelengthData><Wavelength>Visible</Wavelength>\
+         <WavelengthDataBlock><WavelengthDataDirection>Transmission Back</WavelengthDataDirection><AngleBasis>LBNL/Shirley-Chiu\
+         </AngleBasis><ColumnAngleBasis>own</ColumnAngleBasis><RowAngleBasis>own</RowAngleBasis><ScatteringData>{data}\
+         </ScatteringData></WavelengthDataBlock></WavelengthData></Layer></Optical></WindowElement>",
+        ring(0, 40, 1),
+        ring(40, 90, 2),
     )
 }
 
@@ -219,6 +242,7 @@ fn small_binaries() -> Vec<(&'static str, Vec<u8>, Interpretation)> {
         ("rgl", "rgl/half-turn-rgb-jacobian-1.bsdf"),
         ("radiometric-arrow", "arrow/wide.arrows"),
         ("radiometric-arrow", "arrow/uncertain.arrows"),
+        ("asd", "spectrometers/raw.asd"),
         ("zip", "zip/luminaire.zip"),
     ];
     let mut files: Vec<_> = fixtures.map(|(format, path)| (format, fixture(path), plain.clone())).into();

@@ -11,6 +11,7 @@ mod projection;
 mod recorded;
 mod restated;
 mod scattered;
+mod window;
 
 use std::path::Path;
 

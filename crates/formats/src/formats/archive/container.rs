@@ -180,21 +180,22 @@ pub(super) fn listed(members: &[Member]) -> String {
     format!("{}{}", shown.join(", "), if more > 0 { format!(" and {more} more") } else { String::new() })
 }
 
-/// Returns the name of a file in an archive. Refuses a name that points outside the archive (absolute, with `..`, `\`
-/// or `:`), is empty or is too long.
+/// Returns the name of a file in an archive; `\` between folders, which programs of Windows write, becomes `/`. Refuses
+/// a name that points outside the archive (absolute, with `..` or `:`), is empty or is too long.
 fn checked_name(name: &str) -> Result<String, FormatError> {
-    let outside = name.starts_with(['/', '\\'])
-        || name.contains(['\\', ':'])
+    let name = name.replace('\\', "/");
+    let outside = name.starts_with('/')
+        || name.contains(':')
         || name.chars().any(char::is_control)
         || name.split('/').any(|part| part == "..");
     if outside || name.len() > MAX_NAME || name.is_empty() {
         let message = format!(
             "the file name {} is empty, too long or points elsewhere, expected a name inside the archive",
-            snippet(name)
+            snippet(&name)
         );
         return Err(refused(FormatErrorKind::Malformed, message));
     }
-    Ok(name.to_owned())
+    Ok(name)
 }
 
 /// Returns true for the names of files that operating systems add to archives, such as `__MACOSX`.

@@ -1,7 +1,7 @@
 //! Lines of an EULUMDAT file before its angles: sizes, lamps, and the factors of the intensities.
 
 use super::about::NAME;
-use super::lines::{self, LampSet, Lines};
+use super::lines::{self, ANGLE, LENGTH, LampSet, Lines, NONE, PERCENT};
 use crate::domain::Unit;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
@@ -50,9 +50,9 @@ impl Header {
         keep("luminaire_type", lines.whole("the type of luminaire", 0, 3)?.to_string());
         let symmetry = lines.whole("the symmetry", 0, 4)?;
         let planes = lines.count("the number of C planes")?;
-        let plane_step = lines.optional("the distance between C planes")?;
+        let plane_step = lines.optional("the distance between C planes", ANGLE)?;
         let angles = lines.count("the number of gamma angles")?;
-        let angle_step = lines.optional("the distance between gamma angles")?;
+        let angle_step = lines.optional("the distance between gamma angles", ANGLE)?;
         keep("symmetry", symmetry.to_string());
         keep("c_planes", planes.to_string());
         keep("c_step", written(plane_step));
@@ -68,13 +68,13 @@ impl Header {
             keep(key, lines.text(expected)?);
         }
         for key in DIMENSIONS {
-            keep(key, written(lines.optional("a dimension in mm")?));
+            keep(key, written(lines.optional("a dimension in mm", LENGTH)?));
         }
-        keep("downward_flux_percent", written(lines.optional("the downward flux fraction in percent")?));
-        let output_ratio = lines.optional("the light output ratio in percent")?;
+        keep("downward_flux_percent", written(lines.optional("the downward flux fraction in percent", PERCENT)?));
+        let output_ratio = lines.optional("the light output ratio in percent", PERCENT)?;
         keep("light_output_ratio_percent", written(output_ratio));
         let conversion_at = lines.at();
-        let conversion = lines.optional("the conversion factor of the intensities")?;
+        let conversion = lines.optional("the conversion factor of the intensities", NONE)?;
         keep("conversion_factor", written(conversion));
         if let Some(factor) = conversion.filter(|factor| *factor <= 0.0) {
             let message = format!(
@@ -83,7 +83,7 @@ impl Header {
             );
             return Err(lines.refused(conversion_at, message));
         }
-        let tilt = lines.optional("the tilt during measurement in degrees")?;
+        let tilt = lines.optional("the tilt during measurement in degrees", ANGLE)?;
         keep("tilt_degrees", written(tilt));
         let (sets, blocks) = lines::lamp_sets(lines)?;
         for (i, set) in sets.iter().enumerate() {
@@ -96,13 +96,16 @@ impl Header {
             keep(&key("watts"), written(set.watts));
         }
         for index in ROOM_INDICES {
-            keep(&format!("direct_ratio_k{index}"), written(lines.optional("a direct ratio")?));
+            keep(&format!("direct_ratio_k{index}"), written(lines.optional("a direct ratio", PERCENT)?));
         }
         if conversion.is_none() {
             report.note(LuminaireNote::ConversionFactorNotStated);
         }
         if let Some(tilt) = tilt.filter(|tilt| *tilt != 0.0) {
             report.note(LuminaireNote::MeasuredWithTilt { tilt_degrees: Brief(tilt) });
+        }
+        for found in sets.iter().filter_map(|set| set.odd_watts.clone()) {
+            report.note(LuminaireNote::WattsUnread { found });
         }
         if blocks {
             report.note(LuminaireNote::LampSetsByField);

@@ -1,7 +1,7 @@
 //! Angles and intensities of an EULUMDAT file. The stored C planes follow from the symmetry and the number of values.
 
 use super::header::Header;
-use super::lines::{Lines, decimal};
+use super::lines::{ANGLE, Lines, decimal};
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::FormatError;
 use crate::formats::intensities::{Intensities, Stated};
@@ -37,8 +37,8 @@ pub(super) fn read(
     report: &mut ParseReport,
 ) -> Result<(Stated, Planes, &'static str), FormatError> {
     let (mc, ng) = (header.planes, header.angles);
-    let listed = lines.numbers(mc, "a C angle")?;
-    let vertical = lines.numbers(ng, "a gamma angle")?;
+    let listed = lines.numbers(mc, "a C angle", ANGLE)?;
+    let vertical = lines.numbers(ng, "a gamma angle", ANGLE)?;
     let (intensities, rest) = intensities(lines, scale, report)?;
     let found = intensities.values().len();
     let symmetry = stored(header, found, rest, lines, report)?;

@@ -138,6 +138,40 @@ fn lines_may_end_in_blanks_and_numbers_have_commas() {
 }
 
 #[test]
+fn units_behind_numbers_count_and_others_are_refused() {
+    let text = |lumens: &str, watts: &str| {
+        Sheet { sets: vec![format!("1 pcs\nLED\n{lumens}\n3000\n80\n{watts}")], ..Sheet::of(0) }.text()
+    };
+    let stated = plain(&text("2000", "15")).unwrap();
+    for (lumens, watts, kept) in [
+        ("2'000 lm", "ca. 15 W", Some("15")),
+        ("2 klm", "0,015 kW", Some("15")),
+        ("2 000 Lumen", "2x18W", None),
+        ("2000", "n/a", None),
+    ] {
+        let lamp = plain(&text(lumens, watts)).unwrap();
+        assert_eq!(grid(&lamp).values, grid(&stated).values, "{lumens}");
+        let found = lamp.report.metadata.iter().find(|(key, _)| key == "watts").map(|(_, text)| text.as_str());
+        assert_eq!(found, kept, "{watts}");
+        assert_eq!(says(&lamp, NoteKind::Skipped, "not one number of watts"), kept.is_none());
+    }
+    let refused = plain(&text("100 lm/W", "15")).unwrap_err().to_string();
+    assert!(refused.contains("found `100 lm/W`, expected the lumens of the lamps"), "{refused}");
+    let sized = Sheet::of(0).text();
+    let lines: Vec<&str> = sized.lines().collect();
+    for (size, kept) in [("60 cm", Some("600")), ("0.6 m", Some("600")), ("n/a", None), ("-", None)] {
+        let mut lines = lines.clone();
+        lines[12] = size;
+        let lamp = plain(&lines.join("\n")).unwrap();
+        let found = lamp.report.metadata.iter().find(|(key, _)| key == "luminaire_length_mm");
+        assert_eq!(found.map(|(_, text)| text.as_str()), kept, "{size}");
+    }
+    let mut shifted = lines.clone();
+    shifted[12] = "60 ells";
+    assert!(plain(&shifted.join("\n")).unwrap_err().message.contains("found `60 ells`, expected a dimension"));
+}
+
+#[test]
 fn a_negative_number_of_lamps_is_absolute_photometry() {
     let text = |lamps: &str, lumens: &str| {
         Sheet { sets: vec![format!("{lamps}\nLED\n{lumens}\n3000\n80\n15")], ..Sheet::of(0) }.text()

@@ -2,6 +2,7 @@
 
 mod words;
 
+use super::radiometric_csv::unmarked;
 use super::reader::{HEAD_BYTES, Sample};
 
 /// File format that is recognised but cannot be read, with advice for the user.
@@ -19,6 +20,28 @@ const DIRECTIONS: &str = "write it as radiometric-csv with the columns theta_i (
                           zenith) and phi_o (azimuth of the viewer from that of the source: 0 on its side, 180 opposite), and \
                           `# quantity: reflectance-factor` where values are BRF or HCRF; docs/labs.md has an example";
 const UNZIP: &str = "send the files one by one, or in a zip archive";
+
+/// Files in the place of another file, whose name they have. Some contain the words of that format.
+const IN_PLACE: &[Foreign] = &[
+    Foreign {
+        name: "a pointer of Git LFS to the file itself",
+        advice: "fetch the file (`git lfs pull`) and send it",
+        matches: |s| {
+            let begins = |mark: &&str| s.head.trim_start().starts_with(mark);
+            ["version https://git-lfs.github.com/spec/", "version https://hawser.github.com/spec/"].iter().any(begins)
+        },
+    },
+    Foreign {
+        name: "a pointer of git-annex to the file itself",
+        advice: "fetch the file (`git annex get`) and send it",
+        matches: |s| s.head.lines().next().is_some_and(|line| line.contains("/annex/objects/")),
+    },
+    Foreign {
+        name: "rich text (RTF) of a word processor",
+        advice: "save the file as plain text",
+        matches: |s| s.head.trim_start().starts_with("{\\rtf"),
+    },
+];
 
 const TABLE: &[Foreign] = &[
     Foreign { name: "gzip compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x1f\x8b") },
@@ -68,7 +91,6 @@ const TABLE: &[Foreign] = &[
     },
     Foreign { name: "an OpenEXR image", advice: CONVERT, matches: |s| s.bytes.starts_with(b"\x76\x2f\x31\x01") },
     Foreign { name: "a PDF document", advice: "send the data themselves", matches: |s| s.bytes.starts_with(b"%PDF-") },
-    Foreign { name: "ASD FieldSpec", advice: "export it as text", matches: is_asd },
     Foreign {
         name: "a UTIA BRDF (.bin)",
         advice: CONVERT,
@@ -124,8 +146,29 @@ const TABLE: &[Foreign] = &[
             s.head.trim_start().starts_with('{') && marks.iter().any(|mark| s.head.contains(mark))
         },
     },
+    Foreign {
+        name: "refractive indices (refractiveindex.info, YAML)",
+        advice: "they are no measurement of light: send reflectances or transmittances",
+        matches: |s| {
+            says(s, "DATA:") && ["tabulated n", "tabulated k", "type: formula"].iter().any(|word| s.head.contains(word))
+        },
+    },
+    Foreign {
+        name: "a coating file of Zemax: layers, and refractive indices of their materials",
+        advice: "it holds no measurement: send reflectances or transmittances",
+        matches: |s| says(s, "MATE ") || (says(s, "COAT ") && !s.head.contains(';')),
+    },
+    Foreign {
+        name: "a glass catalogue (.agf): coefficients of refractive indices",
+        advice: "it holds no measurement: send reflectances or transmittances",
+        matches: |s| says(s, "NM ") && says(s, "CD "),
+    },
     Foreign { name: "a TracePro surface property", advice: CONVERT, matches: words::is_tracepro },
-    Foreign { name: "a table of directions under names in words", advice: DIRECTIONS, matches: words::is_directions },
+    Foreign {
+        name: "a table of directions under names in words",
+        advice: DIRECTIONS,
+        matches: |s| words::is_directions(s) && !is_claimed(s),
+    },
     Foreign {
         name: "a summary of a lamp (CCT, CRI, illuminance), no spectrum",
         advice: "export the spectrum: wavelengths and values in columns",
@@ -143,22 +186,58 @@ const TABLE: &[Foreign] = &[
         name: "a table of directions without the lines of radiometric-csv",
         advice: "write `# radiometric-csv: 1`, `# quantity: brdf`, `# angle_unit: deg` and the other lines of `wavelume formats \
                  --template radiometric-csv-wide` before it, and name its columns theta_i, phi_i, theta_o, phi_o, lambda, value",
-        matches: words::is_under_symbols,
+        matches: |s| words::is_under_symbols(s) && !is_claimed(s),
     },
     Foreign {
         name: "the manifest of an array",
         advice: "send the .npy file and name the manifest as its axes",
         matches: |s| s.head.trim_start().starts_with('{') && s.head.contains("\"axes\""),
     },
+    Foreign {
+        name: "JSON",
+        advice: "write its numbers as a table: CSV for spectra, radiometric-csv for directions",
+        matches: is_json,
+    },
 ];
+
+/// Returns a description of a file that stands in the place of another one, and advice for the user.
+pub(super) fn in_place(sample: &Sample<'_>) -> Option<String> {
+    IN_PLACE.iter().find(|foreign| (foreign.matches)(sample)).map(Foreign::told)
+}
 
 /// Returns a description of the file and advice for the user, if its format is known but cannot be read.
 pub(super) fn recognise(sample: &Sample<'_>) -> Option<String> {
     if let Some(root) = xml_root(&sample.head) {
         return Some(xml(root, &sample.head));
     }
-    let foreign = TABLE.iter().find(|foreign| (foreign.matches)(sample))?;
-    Some(format!("this is {}, which is not read: {}", foreign.name, foreign.advice))
+    TABLE.iter().find(|foreign| (foreign.matches)(sample)).map(Foreign::told)
+}
+
+impl Foreign {
+    fn told(&self) -> String {
+        format!("this is {}, which is not read: {}", self.name, self.advice)
+    }
+}
+
+/// Returns true for a table of directions that is read as it is.
+fn is_claimed(sample: &Sample<'_>) -> bool {
+    unmarked::claims(&sample.head, sample.quantity)
+}
+
+/// Returns true for JSON: an object with or without a key, or a list. Comments and keys in single quotes, which some
+/// programs write, count as JSON, too.
+fn is_json(sample: &Sample<'_>) -> bool {
+    let mut text = sample.head.trim_start();
+    while let Some(comment) = text.strip_prefix("//") {
+        text = comment.split_once('\n').map_or("", |(_, rest)| rest).trim_start();
+    }
+    let after = |open: char| text.strip_prefix(open).map(str::trim_start);
+    let begins_item = |rest: &str| {
+        let words = ["]", "true", "false", "null", "NaN", "Infinity"];
+        rest.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '"' | '[' | '{' | '-'))
+            || words.iter().any(|word| rest.starts_with(word))
+    };
+    after('{').is_some_and(|rest| rest.starts_with(['"', '\'', '}'])) || after('[').is_some_and(begins_item)
 }
 
 fn is_hdf5(sample: &Sample<'_>) -> bool {
@@ -210,25 +289,24 @@ fn is_pbrt(sample: &Sample<'_>) -> bool {
         && angles.into_iter().all(|angle| angle.is_some_and(|angle| angle.abs() <= 7.0))
 }
 
-fn is_asd(sample: &Sample<'_>) -> bool {
-    let mark = sample.bytes.get(..3);
-    sample.head.contains('\0') && (mark == Some(b"ASD") || matches!(mark, Some([b'a', b's', b'2'..=b'8'])))
-}
-
-/// Number of lines in which a tool may write a note before the XML declaration. Raising it finds longer notes.
+/// Number of lines in which a tool may write a note before an XML document. Raising it finds longer notes.
 const NOTE_LINES: usize = 16;
 
-/// Returns the number of bytes of the lines before the XML declaration of a text, in which a tool has written a note; 0
-/// if there are none, or no declaration at the start of one of the first lines.
+/// Returns the number of bytes of the lines before the XML document in a text, in which a tool has written a note; 0 if
+/// there are none, or no document begins in the first lines.
 pub(super) fn before_xml(text: &str) -> usize {
-    let lines = text.split_inclusive(['\n', '\r']);
-    let starts = lines.scan(0, |start, line| {
-        let (first, is_declaration) = (*start, line.trim_start().starts_with("<?xml"));
-        *start += line.len();
-        Some((first, is_declaration))
-    });
-    let mut declared = starts.take(NOTE_LINES).filter(|(_, is_declaration)| *is_declaration);
-    declared.next().map_or(0, |(start, _)| start)
+    let begins = |line: &str| {
+        let tag = line.trim_start().strip_prefix('<');
+        tag.is_some_and(|tag| tag.starts_with(|c: char| c.is_ascii_alphabetic() || matches!(c, '?' | '!')))
+    };
+    let mut start = 0;
+    for line in text.split_inclusive(['\n', '\r']).take(NOTE_LINES) {
+        if begins(line) {
+            return start;
+        }
+        start += line.len();
+    }
+    0
 }
 
 /// Returns the name of the root element without its prefix, if the text is XML.
@@ -255,7 +333,6 @@ pub(super) fn xml_root(head: &str) -> Option<&str> {
 
 fn xml(root: &str, head: &str) -> String {
     let (name, advice) = match root {
-        "WindowElement" => ("a WINDOW BSDF (Klems or tensor tree XML)", CONVERT),
         "CxF" => ("CxF3 colour data (XML)", "export the spectra as CSV"),
         "Root" if head.contains("gldf.io") => {
             ("the description of a GLDF luminaire (XML)", "send the .gldf archive, or the luminaires in it")
@@ -302,7 +379,6 @@ mod tests {
             (b"\x89PNG\r\n\x1a\n".to_vec(), "PNG"),
             (b"\xff\xd8\xff\xe0".to_vec(), "JPEG"),
             (b"%PDF-1.7".to_vec(), "PDF"),
-            (b"as7\0\0\0\0".to_vec(), "ASD"),
             (vec![0; 1_990_656], "UTIA"),
             (b"##TITLE=x\n".to_vec(), "JCAMP"),
             (b"ENVI\nsamples = 3\n".to_vec(), "ENVI"),
@@ -310,7 +386,6 @@ mod tests {
             (b"OPTIS - Anisotropic BSDF\n".to_vec(), "Speos"),
             (b"\xef\xbb\xbf<?xml version=\"1.0\"?>\n<!-- x -->\n<cc:CxF xmlns:cc=\"u\">".to_vec(), "CxF3"),
             (b"<!DOCTYPE html><html>".to_vec(), "web page"),
-            (b"<WindowElement>".to_vec(), "WINDOW"),
             (b"<item></item>".to_vec(), "`item`"),
             (b"{\"quantity\": \"brdf\", \"axes\": []}".to_vec(), "manifest"),
             (b"BZh91AY&SY\0".to_vec(), "bzip2"),
@@ -343,10 +418,23 @@ mod tests {
             ),
             (b"# quantity: brdf\ntheta_i,theta_o,v400\n1,2,3\n".to_vec(), "write `# radiometric-csv: 1`"),
             (b"theta,phi,400,500,600\n0,10,.1,.2,.3\n0,20,.1,.2,.3\n0,30,.2,.2,.2\n".to_vec(), "radiometric-csv"),
-            (b"theta_i,theta_o,phi_o,brdf\n0,10,0,0.1\n30,10,0,0.2\n".to_vec(), "`# radiometric-csv: 1`"),
             (b"Theta_r (deg)\tBRDF\n0\t0.1\n10\t0.2\n".to_vec(), "`# radiometric-csv: 1`"),
-            (b"Incidence,Reflection,Value\n0,10,0.1\n0,20,0.2\n".to_vec(), "directions"),
             (b"PAR1\x15\x04".to_vec(), "docs/labs.md"),
+            (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n".to_vec(), "pointer of Git LFS"),
+            (b"\nversion https://hawser.github.com/spec/v1\noid sha256:00\nsize 9\n".to_vec(), "pointer of Git LFS"),
+            (b"/annex/objects/SHA256E-s9--00.ies\n".to_vec(), "git-annex"),
+            (b"{\\rtf1\\ansi IESNA:LM-63-2002\\\nTILT=NONE\\\n}".to_vec(), "rich text (RTF)"),
+            (b"{\"brdf\": [[0.1, 0.2]]}".to_vec(), "JSON"),
+            (b"// made by x\n{'wavelength': [400, 410]}".to_vec(), "JSON"),
+            (b" [ null, 1.0]".to_vec(), "JSON"),
+            (b"{ }".to_vec(), "JSON"),
+            (b"[]".to_vec(), "JSON"),
+            (b"made by <x>\nx\n<?xml version=\"1.0\"?>\n<CxF>\n0.1,0.2\n".to_vec(), "CxF3"),
+            (b"note\n<CxF>\n0.1,0.2\n0.2,0.1\n".to_vec(), "CxF3"),
+            (b"DATA:\n  - type: tabulated nk\n    data: |\n        0.4 1.47 0\n        0.5 1.46 0\n".to_vec(), "refractive"),
+            (b"! x\nMATE AL2O3\n.600 1.59 0\n1.60 1.56 0\n".to_vec(), "coating file"),
+            (b"CC x\nNM N-BK7 2 517642 1.5 64 0 1\nED 7 8 2 0 0\nCD 1 0.1\n".to_vec(), "glass catalogue"),
+            (b"Theta,Intensity (cd)\n0,9\n5,8\n10,7\n".to_vec(), "a table over directions (`Theta`)"),
             (
                 b"TracePro Surface Property Data\nFile Name\tx.txt\nTracePro Release: 7 0 0\n\nTable_BSDF_Data\nTemperature\tWavelength\tIncAngle\n300\t0.55\t0\n".to_vec(),
                 "a TracePro surface property",

@@ -2,10 +2,10 @@
 
 use crate::domain::Quantity;
 use crate::formats::reader::Sample;
-use crate::formats::spectral_table::cells::{Delimiter, has_words, is_missing, unquoted};
+use crate::formats::spectral_table::holds::names_wavelength;
 use crate::formats::spectral_table::layouts;
-use crate::formats::spectral_table::wavelength_unit::names_wavelength;
 use crate::formats::text::{Source, Token};
+use crate::formats::text_table::cells::{Delimiter, has_words, is_missing, name_of};
 
 /// Upper bound on the lines of a file that are searched for column names.
 const LOOKED_AT: usize = 200;
@@ -66,7 +66,7 @@ fn has_columns(sample: &Sample<'_>, is: fn(&str) -> bool, fewest: usize) -> bool
                 return false;
             }
             let found: Vec<usize> = (0..names.len())
-                .filter(|&k| names[k].text.len() <= LONGEST && is(&unquoted(names[k].text).to_lowercase()))
+                .filter(|&k| names[k].text.len() <= LONGEST && is(&name_of(names[k].text).to_lowercase()))
                 .collect();
             // A row of units may come between.
             found.len() >= fewest

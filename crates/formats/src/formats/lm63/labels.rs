@@ -70,12 +70,14 @@ pub(super) struct Labels {
     keywords: Vec<(String, String)>,
 }
 
-/// Returns the text after `TILT=` in a line of an LM-63 file, or `None` for another line.
+/// Returns the text after `TILT=` in a line of an LM-63 file, or `None` for another line, such as one of a program that
+/// names an argument so.
 pub(super) fn tilt(line: &str) -> Option<&str> {
     let line = line.trim();
     let (word, rest) = line.split_at_checked(4)?;
     let value = rest.trim_start().strip_prefix('=')?;
-    word.eq_ignore_ascii_case("TILT").then_some(value.trim())
+    let is_code = value.trim_end().ends_with([')', ']', '}', ',', ';', ':']);
+    (word.eq_ignore_ascii_case("TILT") && !is_code).then_some(value.trim())
 }
 
 /// Upper bound on the number of keywords that are kept of an LM-63 file; real files have a few dozen.
@@ -281,6 +283,7 @@ mod tests {
         assert_eq!(tilt(" tilt = NONE "), Some("NONE"));
         assert_eq!(tilt("TILT=../../etc/passwd"), Some("../../etc/passwd"));
         assert_eq!(tilt("TILTED"), None);
+        assert_eq!((tilt("  tilt=None,"), tilt("tilt = none)")), (None, None));
         assert_eq!(tilt("äöü="), None);
     }
 }

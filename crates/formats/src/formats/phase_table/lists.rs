@@ -6,9 +6,9 @@ use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
-use crate::formats::spectral_table::lines::contents as table_lines;
 use crate::formats::spectral_table::pairs::are_pairs;
 use crate::formats::text::{Brief, Source, Token, Tokens, number};
+use crate::formats::text_table::lines::contents as table_lines;
 use crate::notes::PhaseNote;
 use std::f64::consts::PI;
 

@@ -57,6 +57,9 @@ pub(super) fn samples(
     if rows.values.iter().all(|v| v.is_nan()) {
         return Err(malformed("every value is missing, expected numbers"));
     }
+    if header.is_percent {
+        rows.values.iter_mut().chain(&mut rows.sigma).for_each(|value| *value = (f64::from(*value) / 100.0) as f32);
+    }
     if header.is_factor {
         divide_by_pi(&mut rows.values);
         divide_by_pi(&mut rows.sigma);

@@ -1,17 +1,31 @@
 //! Row of column names: the role of each cell of a row as angle, wavelength, value, or ignored.
 
 use super::header::Header;
+use super::names::{self, Meaning, ValueName};
 use super::problems::Problems;
 use crate::domain::Quantity;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::normalization::Normalization;
 use crate::formats::number::decimal;
-use crate::formats::text::{Brief, snippet};
-use crate::notes::TextNote;
+use crate::formats::text::{Brief, Token, number, snippet};
+use crate::formats::text_table::cells::{Delimiter, name_of};
+use crate::notes::{ScatteringNote, TextNote};
+
+/// Expected contents of cells, as messages name them.
+pub(super) const ANGLE: &str = "an angle";
+pub(super) const WAVELENGTH: &str = "a positive wavelength";
+pub(super) const VALUE: &str = "a number, or nothing where it is missing";
+pub(super) const FINITE: &str = "a number within the range of float32";
+pub(super) const NOT_NEGATIVE: &str = "an uncertainty, which is not negative";
 
 /// Names of the angle columns, in the order in which a row's direction holds them.
 pub(super) const ANGLES: [&str; 4] = ["theta_i", "phi_i", "theta_o", "phi_o"];
+
+/// Range in nm of bare numbers in column names that are taken for wavelengths. A wider one takes azimuths for them.
+const LIKELY: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
+/// Upper bound on the columns of wavelengths that a note on names lists.
+const SHOWN: usize = 4;
 
 /// Role of a cell in a row of a radiometric-csv file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +52,8 @@ pub(super) struct Angle {
     pub(super) range: (f64, f64),
     /// True for the luminaire angle gamma, measured from nadir: theta = 180° − gamma.
     pub(super) from_nadir: bool,
+    /// True if the angle may be negative: on the other side of the normal, in the plane of incidence.
+    pub(super) signed: bool,
 }
 
 impl Angle {
@@ -51,10 +67,12 @@ impl Angle {
             degrees = (written.to_degrees() * 1e4).round() / 1e4;
             if (low - ROUNDING..=high + ROUNDING).contains(&degrees) {
                 degrees = degrees.clamp(low, high);
+            } else if self.signed && (low - ROUNDING..=high + ROUNDING).contains(&-degrees) {
+                degrees = -(-degrees).clamp(low, high);
             }
         }
         if !(low..=high).contains(&degrees) {
-            return None;
+            return (self.signed && (low..=high).contains(&-degrees)).then_some(degrees);
         }
         // Avoids negative zero: angles are compared by their bits.
         Some(if self.from_nadir { 180.0 - degrees } else { degrees + 0.0 })
@@ -86,23 +104,79 @@ impl Columns {
     pub(super) fn is_wide(&self) -> bool {
         !self.wavelengths.is_empty()
     }
+
+    /// Returns the message on a cell with unexpected content.
+    pub(super) fn refusal(&self, column: usize, found: &str, expected: &str) -> String {
+        let name = &self.names[column];
+        let angle = match self.cells[column] {
+            Cell::Angle(k) if expected == ANGLE => self.angles[k],
+            _ => None,
+        };
+        let Some(Angle { range: (low, high), signed, radians, .. }) = angle else {
+            return format!("found {}, expected {expected} ({name})", snippet(found));
+        };
+        let written = number(found);
+        // Which angles are negative is told only where one is.
+        let low = if signed && written.is_some_and(|written| written < 0.0) { -high } else { low };
+        let unit = if radians { "degrees, written in radians" } else { "degrees" };
+        format!("found {}, expected an angle from {low} to {high} {unit} ({name})", snippet(found))
+    }
 }
 
-/// Row of column names in a radiometric-csv file, and the number of its line.
-pub(super) struct Row<'a> {
-    pub(super) text: &'a str,
+/// Row of column names in a radiometric-csv file: each with its column, and the number of its line.
+pub(super) struct Row {
+    pub(super) cells: Vec<(String, usize)>,
     pub(super) line: usize,
+    /// True if the names alone say that the table is one of directions, so that an angle in it may not be ignored.
+    pub(super) alone: bool,
+    /// True if the angle of incidence of all rows is stated before the table.
+    pub(super) with_source: bool,
 }
 
-/// Reads the column names. Returns `None`, after reporting at least one problem, if they do not form a table of the
-/// quantity.
+impl Row {
+    /// Splits a line of names at the separator of the file.
+    pub(super) fn of(text: &str, delimiter: Delimiter, line: usize) -> Self {
+        let mut cells: Vec<(String, usize)> = if delimiter == Delimiter::Comma && !text.contains('"') {
+            let mut at = 0;
+            let split = text.split(',').map(|cell| {
+                let blank = cell.len() - cell.trim_start().len();
+                at += cell.len() + 1;
+                (cell.trim().to_owned(), at - cell.len() - 1 + blank)
+            });
+            split.collect()
+        } else {
+            let cells = delimiter.cells(Token { text, offset: 0 });
+            let mut named: Vec<(String, usize)> = Vec::with_capacity(cells.len());
+            for cell in &cells {
+                let is_unit = delimiter == Delimiter::Blank && cell.text.starts_with(['[', '(']);
+                match named.last_mut().filter(|_| is_unit) {
+                    // Between blanks a unit in brackets belongs to the name before it.
+                    Some((name, _)) => *name = format!("{name} {}", cell.text),
+                    None => named.push((name_of(cell.text), cell.offset)),
+                }
+            }
+            named
+        };
+        // Byte offsets become columns, which are counted in characters.
+        let (mut known, mut column) = (0, 1);
+        for (_, at) in &mut cells {
+            column += text.get(known..*at).map_or(0, |between| between.chars().count());
+            known = known.max(*at);
+            *at = column;
+        }
+        Self { cells, line, alone: false, with_source: false }
+    }
+}
+
+/// Reads the column names; `theta_i` is an angle of incidence that the file states for all rows. Returns `None`, after
+/// reporting at least one problem, if they do not form a table of the quantity.
 pub(super) fn read(
-    row: &Row<'_>,
+    row: &Row,
     header: &Header,
+    theta_i: Option<f64>,
     report: &mut ParseReport,
     problems: &mut Problems,
 ) -> Option<Columns> {
-    check_separator(row, problems)?;
     let mut columns = Columns {
         cells: Vec::new(),
         names: Vec::new(),
@@ -114,15 +188,12 @@ pub(super) fn read(
     let (mut wide, mut value, mut unknown) = (Vec::new(), None, Vec::new());
     let (mut wide_sigma, mut sigma) = (Vec::new(), None);
     let mut from_nadir = None;
-    let mut at = 1;
     let mut good = true;
-    for (i, cell) in row.text.split(',').enumerate() {
-        let column = at + (cell.chars().count() - cell.trim_start().chars().count());
-        at += cell.chars().count() + 1;
+    for (i, (cell, column)) in row.cells.iter().enumerate() {
         let written = cell.trim().trim_matches('"').trim();
         let name = written.to_lowercase();
         let mut problem = |message: String| {
-            problems.add(row.line, column, || message);
+            problems.add(row.line, *column, || message);
             good = false;
         };
         let is = match name.as_str() {
@@ -145,7 +216,7 @@ pub(super) fn read(
                         from_nadir = Some(nadir);
                     }
                     if columns.angles[k].is_some() {
-                        problem(format!("{} is the second column of {}, expected one", snippet(written), ANGLES[k]));
+                        problem(second_angle(written, k));
                     }
                     columns.angles[k] = Some(angle(k, k == 2 && nadir == Some(true), header));
                     Cell::Angle(k)
@@ -170,7 +241,7 @@ pub(super) fn read(
                     Cell::Ignored
                 }
                 _ => {
-                    unknown.push(snippet(written));
+                    unknown.push(i);
                     Cell::Ignored
                 }
             },
@@ -182,34 +253,191 @@ pub(super) fn read(
         problems.add(row.line, 1, || message);
         good = false;
     };
+    let mut found = Found { wide, value, wide_sigma, sigma, unknown };
+    in_words(row, header, &mut columns, &mut found, report, &mut refuse);
+    let Found { mut wide, value, wide_sigma, sigma, unknown } = found;
     check_forms(&mut wide, value.is_some(), columns.has_wavelength, &mut refuse);
     for (rank, &(nanometres, i)) in wide.iter().enumerate() {
         columns.cells[i] = Cell::Value(rank);
         columns.wavelengths.push(nanometres);
     }
     sigma_cells(&mut columns, &wide_sigma, sigma, &mut refuse);
+    check_frame(header, from_nadir, &mut refuse);
+    stated_incidence(theta_i, header, &mut columns, &mut refuse);
+    check_directions(&columns, header, &mut refuse);
+    if !unknown.is_empty() {
+        let shown = unknown.iter().take(8).map(|&i| snippet(&columns.names[i])).collect::<Vec<_>>().join(", ");
+        report.note(TextNote::UnknownColumns { columns: unknown.len(), first_names: shown });
+    }
+    good.then_some(columns)
+}
+
+/// Reports a problem if the columns are angles of another frame than the header states.
+fn check_frame(header: &Header, from_nadir: Option<bool>, refuse: &mut impl FnMut(String)) {
     if let (Some(stated), Some(found)) = (header.luminaire, from_nadir)
         && stated != found
     {
         let name = if found { "luminaire" } else { "surface" };
         refuse(format!("the columns are angles of the {name}'s frame, but `frame` in the header states the other one"));
     }
-    check_directions(&columns, header, &mut refuse);
-    if !unknown.is_empty() {
-        let shown = unknown.iter().take(8).cloned().collect::<Vec<_>>().join(", ");
-        report.note(TextNote::UnknownColumns { columns: unknown.len(), first_names: shown });
-    }
-    good.then_some(columns)
 }
 
-/// Reports a separator other than `,` as a single problem of the file, instead of one problem per missing column.
-fn check_separator(row: &Row<'_>, problems: &mut Problems) -> Option<()> {
-    let names = row.text.trim_end_matches(',').trim();
-    let known = [(';', "`;`"), ('\t', "tabs"), (' ', "blanks")];
-    let other = known.into_iter().find(|(c, _)| row.line > 0 && !names.contains(',') && names.contains(*c));
-    let Some((_, found)) = other else { return Some(()) };
-    problems.add(row.line, 1, || format!("cells are separated by {found}, expected `,` (and `.` in numbers)"));
-    None
+/// Adds the angle of incidence that the file states for all rows, unless the rows have one.
+fn stated_incidence(theta_i: Option<f64>, header: &Header, columns: &mut Columns, refuse: &mut impl FnMut(String)) {
+    if let (Some(degrees), None) = (theta_i, columns.angles[0]) {
+        let of_source = angle(0, false, header);
+        if !(of_source.range.0..=of_source.range.1).contains(&degrees) {
+            refuse(format!(
+                "the angle of incidence stated before the table is {} degrees, expected 0 to 90",
+                Brief(degrees)
+            ));
+        }
+        columns.angles[0] = Some(Angle { radians: false, ..of_source });
+    }
+}
+
+/// Columns of values and uncertainties found so far, and the columns that are not known, by their numbers.
+struct Found {
+    /// Wavelengths in nm with the columns of their values.
+    wide: Vec<(f64, usize)>,
+    value: Option<usize>,
+    wide_sigma: Vec<(f64, usize)>,
+    sigma: Option<usize>,
+    unknown: Vec<usize>,
+}
+
+fn second_angle(name: &str, k: usize) -> String {
+    format!("{} is the second column of {}, expected one", snippet(name), ANGLES[k])
+}
+
+/// Reads the names that are not those of radiometric-csv in the words of laboratories: `Einfallswinkel [°]` is
+/// `theta_i`. Columns under their own names go before.
+fn in_words(
+    row: &Row,
+    header: &Header,
+    columns: &mut Columns,
+    found: &mut Found,
+    report: &mut ParseReport,
+    refuse: &mut impl FnMut(String),
+) {
+    if found.unknown.is_empty() {
+        return;
+    }
+    let meanings = names::meanings(&columns.names, row.with_source);
+    let own = columns.angles;
+    let (own_wavelength, own_values) = (columns.has_wavelength, found.value.is_some() || !found.wide.is_empty());
+    let own_sigma = found.sigma.is_some() || !found.wide_sigma.is_empty();
+    let over_directions = header.quantity.directions() == 2;
+    let (mut values, mut numbers, mut named) = (Vec::new(), Vec::new(), Vec::new());
+    let known = |i: usize, is: &str, named: &mut Vec<String>, columns: &Columns| {
+        named.push(format!("{is} {}", snippet(&columns.names[i])));
+    };
+    let mut left = Vec::new();
+    for i in std::mem::take(&mut found.unknown) {
+        match &meanings[i] {
+            Meaning::Angle { k, radians } if own[*k].is_none() && over_directions => {
+                if columns.angles[*k].is_some() {
+                    refuse(second_angle(&columns.names[i], *k));
+                }
+                let mut of_name = angle(*k, false, header);
+                of_name.radians = radians.unwrap_or(of_name.radians);
+                columns.angles[*k] = Some(of_name);
+                columns.cells[i] = Cell::Angle(*k);
+                known(i, ANGLES[*k], &mut named, columns);
+            }
+            Meaning::OddAngle if row.alone => refuse(format!(
+                "{} is an angle whose zero or side is not known, expected names such as theta_i (source), theta_o (detector), \
+                 phi_o (azimuth of the detector: 0 on the source's side, 180 opposite)",
+                snippet(&columns.names[i])
+            )),
+            Meaning::Wavelength(_) if !own_wavelength => {
+                if columns.has_wavelength {
+                    refuse("a second column of wavelengths, expected one".to_owned());
+                }
+                columns.has_wavelength = true;
+                columns.cells[i] = Cell::Wavelength;
+                known(i, "wavelength", &mut named, columns);
+            }
+            Meaning::Value(value) if !own_values => values.push((i, *value)),
+            Meaning::Number(number) if !own_values => numbers.push((i, *number)),
+            Meaning::Sigma(band) if !own_sigma => match band {
+                Some(band) => found.wide_sigma.push((band.nanometres, i)),
+                None if found.sigma.is_none() => found.sigma = Some(i),
+                None => left.push(i),
+            },
+            _ => left.push(i),
+        }
+    }
+    found.unknown = left;
+    choose_values(values, &numbers, row.alone && !own_values, (header, columns), found, refuse);
+    if let Some(i) = found.value.filter(|_| !own_values) {
+        columns.cells[i] = Cell::Value(0);
+        known(i, "value", &mut named, columns);
+    }
+    let mut wide: Vec<&(f64, usize)> = found.wide.iter().filter(|_| !own_values).collect();
+    wide.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for &&(nanometres, i) in wide.iter().take(SHOWN) {
+        known(i, &format!("{} nm", Brief(nanometres)), &mut named, columns);
+    }
+    if wide.len() > SHOWN {
+        named.push("…".to_owned());
+    }
+    found.unknown.sort_unstable();
+    if !named.is_empty() {
+        report.note(ScatteringNote::ColumnsByName { columns: named.join(", ") });
+    }
+}
+
+/// Chooses the columns of values among those whose names say so: those with a wavelength, else one. `is_alone` is true
+/// where one further column of any name holds them.
+fn choose_values(
+    values: Vec<(usize, ValueName)>,
+    numbers: &[(usize, f64)],
+    is_alone: bool,
+    (header, columns): (&Header, &Columns),
+    found: &mut Found,
+    refuse: &mut impl FnMut(String),
+) {
+    if values.is_empty() {
+        let listed: Vec<f64> =
+            numbers.iter().map(|&(_, number)| header.wavelength_unit.to_nanometres(number)).collect();
+        let likely = |nanometres: &f64| !header.wavelength_unit_assumed || LIKELY.contains(nanometres);
+        if !listed.is_empty() && listed.iter().all(likely) {
+            found.wide = listed.into_iter().zip(numbers).map(|(nanometres, &(i, _))| (nanometres, i)).collect();
+        } else {
+            found.unknown.extend(numbers.iter().map(|&(i, _)| i));
+            // A table of directions with one further column: what it is called does not matter.
+            if is_alone && found.unknown.len() == 1 {
+                found.value = found.unknown.pop();
+            }
+        }
+    } else {
+        let with_band = values.iter().any(|(_, value)| value.band.is_some());
+        let with_quantity = values.iter().any(|(_, value)| value.quantity.is_some() || value.is_reflectance);
+        let counts = |value: &ValueName| {
+            if with_band {
+                value.band.is_some()
+            } else {
+                !with_quantity || value.quantity.is_some() || value.is_reflectance
+            }
+        };
+        let (kept, others): (Vec<_>, Vec<_>) = values.into_iter().partition(|(_, value)| counts(value));
+        found.unknown.extend(others.into_iter().map(|(i, _)| i).chain(numbers.iter().map(|&(i, _)| i)));
+        if with_band {
+            found.wide = kept.iter().filter_map(|(i, value)| Some((value.band?.nanometres, *i))).collect();
+        } else if kept.len() == 1 {
+            found.value = Some(kept[0].0);
+        } else {
+            let listed: Vec<String> = kept.iter().take(8).map(|(i, _)| snippet(&columns.names[*i])).collect();
+            refuse(format!(
+                "{} columns of values, {}, without their wavelengths: expected one column, or a wavelength in each name \
+                 (`BRDF 550 nm`)",
+                kept.len(),
+                listed.join(", ")
+            ));
+            found.value = Some(kept[0].0);
+        }
+    }
 }
 
 /// Assigns each column of standard uncertainties to its column of values.
@@ -302,7 +530,8 @@ fn angle(k: usize, from_nadir: bool, header: &Header) -> Angle {
         (2, Quantity::Btdf) => (90.0, 180.0),
         _ => (0.0, 180.0),
     };
-    Angle { radians: header.radians, range, from_nadir }
+    let signed = k == 2 && header.quantity.directions() == 2 && header.quantity != Quantity::Phase;
+    Angle { radians: header.radians, range, from_nadir, signed }
 }
 
 /// Reports a problem if the angle columns do not fit the quantity, or if an azimuth has no theta.

@@ -1,10 +1,13 @@
 //! Lines of a radiometric-csv file before its numbers: `# key: value`, remarks, and the row of column names.
 
 use super::about::NAME;
+use super::columns::Row;
 use super::header::Field;
+use super::names::{self, Meaning};
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, unmarked, unmarked_utf16};
+use crate::formats::text_table::cells::Delimiter;
 use crate::notes::TextNote;
 use std::borrow::Cow;
 
@@ -41,7 +44,9 @@ pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u
 pub(super) struct Head {
     pub(super) fields: Vec<Field>,
     /// Row of column names of the file.
-    pub(super) names: String,
+    pub(super) names: Row,
+    /// Separator of the cells in the row of column names.
+    pub(super) delimiter: Delimiter,
     /// Number of lines of the file before its rows of numbers, including the row of column names.
     pub(super) lines: usize,
     /// Byte offset of the first line of numbers.
@@ -69,7 +74,11 @@ impl Head {
                 if line.is_empty() && lines < MAX_HEADER_LINES {
                     continue;
                 }
-                return Ok(Self { fields, names: decoded(line, report), lines, end: at });
+                let names = decoded(line, report);
+                let delimiter = separator(&names);
+                let names = Row::of(&names, delimiter, lines);
+                complete(&mut fields, &names);
+                return Ok(Self { fields, names, delimiter, lines, end: at });
             };
             if lines > MAX_HEADER_LINES || line.len() > MAX_HEADER_LINE {
                 let message = format!(
@@ -94,5 +103,51 @@ impl Head {
         }
         let message = "the file ends in its header, expected a row of column names and rows of numbers";
         Err(FormatError::new(FormatErrorKind::Malformed, NAME, message))
+    }
+}
+
+/// Returns the separator of a row of column names: the one that occurs most often outside of quotes, or blanks.
+pub(super) fn separator(names: &str) -> Delimiter {
+    let count = |delimiter: Delimiter| names.bytes().filter(|&byte| byte == delimiter.byte()).count();
+    let separators = [Delimiter::Comma, Delimiter::Tab, Delimiter::Semicolon];
+    let most = separators.into_iter().max_by_key(|&delimiter| count(delimiter));
+    most.filter(|&delimiter| count(delimiter) > 0).unwrap_or(Delimiter::Blank)
+}
+
+/// Adds the units that the names of the columns state to the lines of the header, where these do not.
+pub(super) fn complete(fields: &mut Vec<Field>, row: &Row) {
+    let names: Vec<&String> = row.cells.iter().map(|(name, _)| name).collect();
+    let meanings = names::meanings(&names, row.with_source);
+    let mut add = |key: &str, value: &str| {
+        if !fields.iter().any(|field| field.key == key) {
+            fields.push(Field { key: key.to_owned(), value: value.to_owned(), line: row.line });
+        }
+    };
+    let angles: Vec<Option<bool>> = meanings
+        .iter()
+        .filter_map(|meaning| match meaning {
+            Meaning::Angle { radians, .. } => Some(*radians),
+            _ => None,
+        })
+        .collect();
+    if !angles.is_empty() && angles.iter().all(Option::is_some) {
+        // Each column has its own unit.
+        add("angle_unit", "deg");
+    }
+    if let Some(unit) = meanings.iter().find_map(|meaning| match meaning {
+        Meaning::Wavelength(unit) => *unit,
+        _ => None,
+    }) {
+        add("wavelength_unit", unit.name());
+    }
+    let bands: Vec<bool> = meanings
+        .iter()
+        .filter_map(|meaning| match meaning {
+            Meaning::Value(value) => value.band.map(|band| band.has_unit),
+            _ => None,
+        })
+        .collect();
+    if !bands.is_empty() && bands.iter().all(|&has_unit| has_unit) {
+        add("wavelength_unit", "nm");
     }
 }

@@ -1,6 +1,7 @@
 //! Header of a radiometric-csv file: the `# key: value` lines that define the numbers.
 
 use super::about::NAME;
+use super::names::ValueUnit;
 use super::problems::Problems;
 use crate::domain::{Quantity, Unit};
 use crate::formats::acquisition::{AzimuthExtent, ParseReport, Samples};
@@ -28,6 +29,8 @@ pub(super) struct Header {
     pub(super) unit: Unit,
     /// True if the values are reflectance factors, which are π times the BRDF.
     pub(super) is_factor: bool,
+    /// True if the values are in percent.
+    pub(super) is_percent: bool,
     /// True if angles are in radians, false if in degrees.
     pub(super) radians: bool,
     pub(super) wavelength_unit: WavelengthUnit,
@@ -56,6 +59,7 @@ impl Header {
             quantity: Quantity::Brdf,
             unit: Unit::PerSteradian,
             is_factor: false,
+            is_percent: false,
             radians: false,
             wavelength_unit: WavelengthUnit::Nanometre,
             wavelength_unit_assumed: false,
@@ -97,12 +101,18 @@ impl Fields<'_> {
         value
     }
 
+    /// Returns the key that states the unit of the values: `value_unit`, or `unit` in its place.
+    fn unit_key(&self) -> &'static str {
+        if !self.stated("value_unit") && self.stated("unit") { "unit" } else { "value_unit" }
+    }
+
     fn stated(&self, key: &str) -> bool {
         self.fields.iter().any(|field| field.key == key)
     }
 }
 
-const KNOWN: &[&str] = &[
+/// Keys of the header that are not kept as keywords.
+pub(super) const KNOWN: &[&str] = &[
     NAME,
     "quantity",
     "value_unit",
@@ -144,9 +154,16 @@ pub(super) fn read(
         report.note(ValueNote::QuantityAsAsked { asked: kind.to_string(), stated: stated.to_string(), source: "file" });
     }
     let (quantity, is_factor) = (kind.quantity(), kind.is_factor());
+    let unit_key = header.unit_key();
+    if unit_key == "unit" {
+        report.note(ValueNote::UnitForValueUnit);
+    }
+    let is_percent = how.unit.is_none()
+        && (is_factor || quantity == Quantity::Reflectance)
+        && fields.iter().any(|field| field.key == unit_key && ValueUnit::of(&field.value) == Some(ValueUnit::Percent));
     let unit = unit(&mut header, kind, how, report)?;
     let radians = header.value("angle_unit", "deg or rad", |v| match v {
-        "deg" | "degree" | "degrees" => Some(false),
+        "deg" | "degree" | "degrees" | "°" => Some(false),
         "rad" | "radian" | "radians" => Some(true),
         _ => None,
     });
@@ -189,13 +206,14 @@ pub(super) fn read(
     let angles = instrument::KEYS.map(|key| header.value(key, instrument::EXPECTED, instrument::angle));
     let is_volume = quantity == Quantity::Phase
         && fields.iter().any(|field| field.key == "value_unit" && field.value.eq_ignore_ascii_case(VOLUME));
-    let is_known = |key: &str| KNOWN.contains(&key) || instrument::KEYS.contains(&key);
+    let is_known = |key: &str| KNOWN.contains(&key) || instrument::KEYS.contains(&key) || key == unit_key;
     let other = fields.iter().filter(|field| !is_known(&field.key));
     report.metadata.extend(other.map(|field| (field.key.clone(), field.value.clone())));
     Ok(unit.map(|unit| Header {
         quantity,
         unit,
         is_factor,
+        is_percent,
         radians: radians.unwrap_or(false),
         wavelength_unit,
         wavelength_unit_assumed,
@@ -236,23 +254,31 @@ fn unit(
     let fitting: Vec<Unit> = Unit::ALL.iter().copied().filter(|&unit| fits(unit)).collect();
     let names = fitting.iter().map(|unit| unit.name()).collect::<Vec<_>>().join(", ");
     let expected = match quantity {
-        _ if is_factor => "1, the unit of a reflectance factor".to_owned(),
+        _ if is_factor => "1, the unit of a reflectance factor, or %".to_owned(),
         Quantity::Phase => format!("a unit of a {quantity}: {names}, {VOLUME}"),
         Quantity::Edf => format!("a unit of an emission, by solid angle (a radiance times area and cosine): {names}"),
         _ => format!("a unit of a {quantity}: {names}"),
     };
-    let stated = header.value("value_unit", &expected, |value| {
+    let key = header.unit_key();
+    let stated = header.value(key, &expected, |value| {
         let is_volume = quantity == Quantity::Phase && value == VOLUME;
-        is_volume
-            .then_some(Unit::PerSteradian)
-            .or_else(|| fitting.iter().copied().find(|unit| unit.name().eq_ignore_ascii_case(value)))
+        let meant = match ValueUnit::of(value) {
+            Some(ValueUnit::PerSteradian) => Some(Unit::PerSteradian),
+            Some(ValueUnit::One) => Some(Unit::One),
+            Some(ValueUnit::Percent) if is_factor || quantity == Quantity::Reflectance => Some(Unit::One),
+            _ => None,
+        };
+        is_volume.then_some(Unit::PerSteradian).or_else(|| {
+            let named = |unit: &Unit| Some(*unit) == meant || unit.name().eq_ignore_ascii_case(value);
+            fitting.iter().copied().find(named)
+        })
     });
     if let (Some(asked), Some(stated)) = (how.unit, stated)
         && asked != stated
     {
         report.note(ValueNote::UnitAsAsked { asked, stated, source: "file" });
     }
-    if how.unit.is_none() && !header.stated("value_unit") {
+    if how.unit.is_none() && !header.stated(key) {
         let message = format!("`value_unit` is not stated, expected it, or the option: {names}");
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     }

@@ -10,11 +10,14 @@ pub(super) fn remarks(header: &Header, columns: &Columns, grazing: usize, report
     if header.wavelength_unit_assumed && (columns.is_wide() || columns.has_wavelength) {
         report.note(ValueNote::WavelengthUnitNotStated);
     }
-    if header.radians && columns.angles.iter().any(Option::is_some) {
+    if columns.angles.iter().flatten().any(|angle| angle.radians) {
         report.note(ValueNote::AnglesRounded { stored_as: "radians" });
     }
     if header.cosine_included {
         report.note(ScatteringNote::CosineDivided { source: "header" });
+    }
+    if header.is_percent {
+        report.note(ValueNote::PercentDivided);
     }
     if header.is_factor {
         report.note(ScatteringNote::ReflectanceFactors);

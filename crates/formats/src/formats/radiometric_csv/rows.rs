@@ -1,10 +1,10 @@
 //! Single-pass parser of rows of numbers, in parallel pieces. Every bad cell becomes a problem with its position.
 
-use super::columns::{Cell, Columns};
-use super::problems::Problems;
+use super::columns::{ANGLE, Cell, Columns, FINITE, NOT_NEGATIVE, VALUE, WAVELENGTH};
+use super::problems::{Kind, Problems};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::formats::number::decimal;
-use crate::formats::text::snippet;
+use crate::formats::text_table::cells::is_missing;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -101,7 +101,62 @@ pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, 
     all
 }
 
+/// Returns true for a cell that is empty or says that its value is missing.
+fn states_none(cell: &[u8]) -> bool {
+    let cell = cell.trim_ascii_end();
+    cell.is_empty() || std::str::from_utf8(cell).is_ok_and(is_missing)
+}
+
+/// Direction and wavelength of a row whose values were appended to those of the rows before.
+pub(super) struct Row {
+    pub(super) direction: [f64; 4],
+    /// Index of the row's first value among all values.
+    pub(super) base: usize,
+    /// True if the row before has the same direction.
+    pub(super) same: bool,
+    pub(super) lambda: Option<f64>,
+}
+
 impl Rows {
+    /// Completes a data row of the file: stores its direction and wavelength, and divides its values by |cos θo| if the
+    /// file has multiplied them by it.
+    #[inline]
+    pub(super) fn keep(&mut self, row: &Row, columns: &Columns, cosine: bool) {
+        let &Row { direction, base, same, lambda } = row;
+        if cosine {
+            self.divide_by_cosine(direction[2], base);
+        }
+        if let Some(lambda) = lambda {
+            let number = self.wavelengths.number(lambda);
+            self.lambdas.push(number);
+        }
+        if columns.is_wide() {
+            self.directions.push(direction);
+        } else if let (true, Some(length)) = (same, self.lengths.last_mut()) {
+            *length += 1;
+        } else {
+            self.directions.push(direction);
+            self.lengths.push(1);
+        }
+    }
+
+    fn divide_by_cosine(&mut self, theta_o: f64, base: usize) {
+        let cosine = libm::cos(theta_o.to_radians()).abs();
+        for value in self.values[base..].iter_mut().filter(|value| !value.is_nan()) {
+            let quotient = (f64::from(*value) / cosine) as f32;
+            if cosine > 1e-9 && quotient.is_finite() {
+                *value = quotient;
+            } else {
+                self.grazing += 1;
+                *value = f32::NAN;
+            }
+        }
+        for sigma in self.sigma.iter_mut().skip(base) {
+            let quotient = (f64::from(*sigma) / cosine) as f32;
+            *sigma = if quotient.is_finite() { quotient } else { f32::NAN };
+        }
+    }
+
     fn append(&mut self, part: &Self) {
         self.directions.extend_from_slice(&part.directions);
         self.lengths.extend_from_slice(&part.lengths);
@@ -205,30 +260,28 @@ impl Parser<'_> {
         at
     }
 
-    fn problem(&mut self, at: usize, message: impl FnOnce() -> String) {
+    fn problem(&mut self, at: usize, kind: Kind, message: impl FnOnce() -> String) {
         let before = String::from_utf8_lossy(&self.text[self.line_start..at]);
-        self.problems.add(self.line, before.chars().count() + 1, message);
+        self.problems.add_alike(self.line, before.chars().count() + 1, kind, message);
     }
 
     /// Adds a table cell with unexpected content to the problems found in a radiometric-csv file. Returns the byte
     /// offset of the cell's end.
-    fn refuse(&mut self, start: usize, column: usize, expected: &str) -> usize {
+    fn refuse(&mut self, start: usize, column: usize, expected: &'static str) -> usize {
         let end = self.cell_end(start);
         let found = String::from_utf8_lossy(&self.text[start..end.min(start + QUOTED)]).trim_end().to_owned();
-        let name = &self.columns.names[column];
-        self.problem(start, || format!("found {}, expected {expected} ({name})", snippet(&found)));
+        let columns = self.columns;
+        self.problem(start, (column, expected), || columns.refusal(column, &found, expected));
         end
     }
 
     /// Parses the row of a radiometric-csv file that starts at byte `self.line_start`, and returns the byte offset of
     /// its line end.
     fn row(&mut self) -> usize {
-        let columns = self.columns;
-        let width = columns.width();
-        let (text, base) = (self.text, self.rows.values.len());
-        self.rows.values.resize(base + width, f32::NAN);
+        let (columns, text, base) = (self.columns, self.text, self.rows.values.len());
+        self.rows.values.resize(base + columns.width(), f32::NAN);
         if columns.has_sigma {
-            self.rows.sigma.resize(base + width, f32::NAN);
+            self.rows.sigma.resize(base + columns.width(), f32::NAN);
         }
         let (mut good, mut same, mut lambda) = (true, true, None);
         let mut at = self.line_start;
@@ -245,13 +298,13 @@ impl Parser<'_> {
                         let sample = number as f32;
                         if sample.is_infinite() {
                             good = false;
-                            self.refuse(start, column, "a number within the range of float32")
+                            self.refuse(start, column, FINITE)
                         } else if matches!(cell, Cell::Value(_)) {
                             self.rows.values[base + value] = sample;
                             end
                         } else if sample < 0.0 {
                             good = false;
-                            self.refuse(start, column, "an uncertainty, which is not negative")
+                            self.refuse(start, column, NOT_NEGATIVE)
                         } else {
                             self.rows.sigma[base + value] = sample;
                             end
@@ -259,10 +312,9 @@ impl Parser<'_> {
                     }
                     _ => {
                         let end = self.cell_end(start);
-                        let found = text[start..end].trim_ascii_end();
-                        if !found.is_empty() && !found.eq_ignore_ascii_case(b"nan") {
+                        if !states_none(&text[start..end]) {
                             good = false;
-                            self.refuse(start, column, "a number, or nothing where it is missing");
+                            self.refuse(start, column, VALUE);
                         }
                         end
                     }
@@ -276,8 +328,7 @@ impl Parser<'_> {
                             self.last[k] = Known { start, end, degrees };
                         } else {
                             good = false;
-                            let (low, high) = columns.angles[k].map_or((0.0, 0.0), |angle| angle.range);
-                            self.refuse(start, column, &format!("an angle from {low} to {high} degrees"));
+                            self.refuse(start, column, ANGLE);
                         }
                     }
                     end
@@ -289,7 +340,7 @@ impl Parser<'_> {
                     }
                     _ => {
                         good = false;
-                        self.refuse(start, column, "a positive wavelength")
+                        self.refuse(start, column, WAVELENGTH)
                     }
                 },
                 Cell::Ignored => self.cell_end(start),
@@ -299,13 +350,16 @@ impl Parser<'_> {
                 Some(b',') if column < last => at += 1,
                 Some(b',') => {
                     good = false;
-                    self.problem(at, || too_many(last + 1));
+                    self.problem(at, (0, "fewer cells"), || too_many(last + 1));
                     break;
                 }
                 None | Some(b'\n' | b'\r') if column == last => {}
                 None | Some(b'\n' | b'\r') => {
                     good = false;
-                    self.problem(at, || format!("a row of {} cells, expected {}, one a column", column + 1, last + 1));
+                    let found = column + 1;
+                    self.problem(at, (found, "more cells"), || {
+                        format!("a row of {found} cells, expected {}, one a column", last + 1)
+                    });
                     break;
                 }
                 Some(_) => {
@@ -316,7 +370,8 @@ impl Parser<'_> {
             }
         }
         if good {
-            self.keep(base, same, lambda);
+            let direction = self.last.map(|known| known.degrees);
+            self.rows.keep(&Row { direction, base, same, lambda }, columns, self.cosine);
         } else {
             self.rows.values.truncate(base);
             self.rows.sigma.truncate(base);
@@ -356,40 +411,5 @@ impl Parser<'_> {
         let (written, end) = decimal(self.text, start)?;
         let whole = matches!(self.text.get(self.blanks(end)), None | Some(b',' | b'\n' | b'\r'));
         self.columns.angles[k].filter(|_| whole)?.degrees(written)
-    }
-
-    /// Completes a data row of the file: stores its direction and wavelength, and divides its values by |cos θo| if the
-    /// file has multiplied them by it. The values of the row start at index `base` of all values read so far.
-    fn keep(&mut self, base: usize, same: bool, lambda: Option<f64>) {
-        let direction = self.last.map(|known| known.degrees);
-        let rows = &mut self.rows;
-        if self.cosine {
-            let cosine = libm::cos(direction[2].to_radians()).abs();
-            for value in rows.values[base..].iter_mut().filter(|value| !value.is_nan()) {
-                let quotient = (f64::from(*value) / cosine) as f32;
-                if cosine > 1e-9 && quotient.is_finite() {
-                    *value = quotient;
-                } else {
-                    rows.grazing += 1;
-                    *value = f32::NAN;
-                }
-            }
-            for sigma in rows.sigma.iter_mut().skip(base) {
-                let quotient = (f64::from(*sigma) / cosine) as f32;
-                *sigma = if quotient.is_finite() { quotient } else { f32::NAN };
-            }
-        }
-        if let Some(lambda) = lambda {
-            let number = rows.wavelengths.number(lambda);
-            rows.lambdas.push(number);
-        }
-        if self.columns.is_wide() {
-            rows.directions.push(direction);
-        } else if let (true, Some(length)) = (same, rows.lengths.last_mut()) {
-            *length += 1;
-        } else {
-            rows.directions.push(direction);
-            rows.lengths.push(1);
-        }
     }
 }

@@ -474,17 +474,26 @@ fn the_first_twenty_problems_are_listed_and_all_are_counted() {
         "radiometric-csv: line 9, column 4: found `x`, expected an angle from 0 to 90 degrees (theta_o)",
         "line 10, column 8: a row of 3 cells, expected 4",
         "line 11, column 10: more cells than the 4 columns, expected one for each (a decimal comma",
-        "line 12, column 4: found `95`, expected an angle from 0 to 90 degrees (theta_o)",
         "line 12, column 7: found `1000`, expected an angle from -360 to 720 degrees (phi_o)",
         "line 12, column 12: found `1e39`, expected a number within the range of float32 (value)",
         "line 13, column 9: found `1 2`, expected one number (value)",
     ] {
         assert!(error.to_string().contains(part), "{part}\n{error}");
     }
+    // Problems of one kind are listed once, with the line of the last one.
     text.push_str(&"10,20,0,bad\n".repeat(100));
     let error = plain(&text).unwrap_err();
+    let once = "line 14, column 9: found `bad`, expected a number, or nothing where it is missing (value) (100 times, the last \
+                in line 113)";
+    assert!(error.message.ends_with(once), "{error}");
+    let twice =
+        "line 9, column 4: found `x`, expected an angle from 0 to 90 degrees (theta_o) (2 times, the last in line 12)";
+    assert!(error.to_string().contains(twice), "{error}");
+    let names: Vec<String> = (400..425).map(|wavelength| format!("v{wavelength}")).collect();
+    let text = format!("{BRDF}theta_i,theta_o,phi_o,{}\n10,20,0{}\n", names.join(","), ",x".repeat(25));
+    let error = plain(&text).unwrap_err();
     assert_eq!(error.message.matches("line ").count(), 19, "{error}");
-    assert!(error.message.ends_with("; and 87 more problems, 107 in all"), "{error}");
+    assert!(error.message.ends_with("; and 5 more problems, 25 in all"), "{error}");
 }
 
 #[test]
@@ -500,9 +509,9 @@ fn headers_and_columns_are_checked() {
         (format!("{BRDF}# angle_unit: rad\n{body}"), "`angle_unit` twice"),
         (format!("{BRDF}# isotropic: perhaps\n{body}"), "isotropic `perhaps`"),
         (format!("{BRDF}theta_i,theta_o,phi_o\n10,20,0\n"), "no column `value`"),
-        (format!("{BRDF}theta_i;theta_o;phi_o;value\n10;20;0;0,5\n"), "separated by `;`, expected `,`"),
-        (format!("{BRDF}theta_i\ttheta_o\tphi_o\tvalue\n"), "separated by tabs, expected `,`"),
-        (format!("{BRDF}theta_i theta_o phi_o value\n"), "separated by blanks, expected `,`"),
+        (format!("{BRDF}theta_i;theta_o;phi_o;value\n10;20;0\n"), "a row of 3 cells between `;`, expected 4"),
+        (format!("{BRDF}theta_i\ttheta_o\tphi_o\tvalue\n"), "no rows of numbers"),
+        (format!("{BRDF}theta_i theta_o phi_o value\n"), "no rows of numbers"),
         (format!("{BRDF}theta_i,theta_o,phi_o,value,value\n"), "a second column `value`"),
         (format!("{BRDF}theta_i,theta_o,phi_o,value,v400\n"), "both `value` and columns"),
         (format!("{BRDF}theta_i,theta_o,phi_o,wavelength,v400\n"), "beside columns such as"),

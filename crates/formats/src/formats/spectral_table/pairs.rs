@@ -1,9 +1,10 @@
 //! Spectra with several pairs of wavelength and value per line, as renderers read them (`.spd` of pbrt).
 
-use super::lines::{contents, split_comment};
+use super::holds::Holds;
 use super::table::Table;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::text::{Source, Token, Tokens, number};
+use crate::formats::text_table::lines::{contents, split_comment};
 
 /// Plausible wavelengths in nm of spectra with several pairs of wavelength and value per line.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
@@ -48,7 +49,9 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Option<Table> {
     }
     let (names, dialect) = (vec!["1".to_owned()], "several pairs a line");
     let heading = String::new();
-    Some(Table { wavelengths, values, names, wavelength_name: None, prose, heading, library: None, dialect })
+    let (holds, percent) = (vec![Holds::Unstated], vec![false]);
+    let wavelength_name = None;
+    Some(Table { wavelengths, values, names, holds, percent, wavelength_name, prose, heading, library: None, dialect })
 }
 
 #[cfg(test)]
@@ -75,11 +78,16 @@ mod tests {
 
     #[test]
     fn columns_stay_columns() {
-        for (text, columns) in
-            [("400 1 2 3\n500 2 3 4\n", 3), ("400 1 600 3\n410 2 590 4\n", 3), ("400 1 2\n500 2 3\n", 2)]
+        for (text, columns) in [("400 1 2 3\n500 2 3 4\n", 3), ("400 1 6 3\n410 2 5 4\n", 3), ("400 1 2\n500 2 3\n", 2)]
         {
             let acquisition = read(text.as_bytes(), &Interpretation::default()).unwrap();
             assert!(acquisition.dialect.ends_with(&format!("{columns} column(s)")), "{}", acquisition.dialect);
         }
+        // Either column can be wavelengths.
+        let ambiguous = b"400 1 600 3\n410 5 590 4\n";
+        let error = read(ambiguous, &Interpretation::default()).unwrap_err();
+        assert!(error.to_string().contains("wavelength_column"), "{error}");
+        let named = Interpretation { wavelength_column: Some("3".to_owned()), ..Default::default() };
+        assert!(read(ambiguous, &named).unwrap().dialect.ends_with("3 column(s)"));
     }
 }

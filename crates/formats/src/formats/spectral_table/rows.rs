@@ -1,355 +1,379 @@
-//! Parser of tables with one row per wavelength. Delimiter, decimal mark, header and comments follow from the content.
+//! Tables with one row per wavelength: names of the columns, choice of the wavelengths, rows.
 
 use super::about::NAME;
-use super::cells::{Delimiter, is_missing, missing_end, unquoted};
+use super::columns::{self, Columns};
+use super::holds::{names_wavelength, says_percent};
 use super::library::{self, Library};
-use super::lines::{contents, split_comment};
-use super::table::Table;
-use super::wavelength_unit::names_wavelength;
-use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
+use super::table::{Table, position};
+use super::wavelength_unit::WavelengthUnit;
+use crate::domain::limits::MAX_ENTRIES;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
-use crate::formats::number::decimal;
-use crate::formats::text::{Source, Token, snippet};
-use crate::notes::TextNote;
+use crate::formats::interpretation::Interpretation;
+use crate::formats::text::{Brief, Source, Token, snippet};
+use crate::formats::text_table::cells::{Delimiter, name_of};
+use crate::formats::text_table::header::{self, Header};
+use crate::formats::text_table::layout::{self, Layout, MAX_PREAMBLE, ROWS_LOOKED_AT};
+use crate::formats::text_table::lines::{contents, split_comment};
+use crate::formats::text_table::rows::{self, Rows};
+use crate::notes::{SpectrumNote, TextNote};
+use std::collections::HashMap;
 
-/// Upper bounds on the lines from which the cell separator is determined, and on the lines before the first row of
-/// numbers.
-const LOOKED_AT: usize = 20;
-pub(super) const MAX_PREAMBLE: usize = 1000;
-
-/// Returns the first cell separator under which the first rows of numbers have an equal number of cells, at least 2,
-/// and that number.
-pub(super) fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
-    Delimiter::ALL.into_iter().find_map(|delimiter| {
-        let width = |line: &Token<'_>| delimiter.numeric_cells(*line);
-        let (start, first) =
-            lines.iter().enumerate().find_map(|(i, line)| Some((i, width(line).filter(|&n| n >= 2)?)))?;
-        let constant = lines[start..]
-            .iter()
-            .take(LOOKED_AT)
-            .take_while(|line| !line.text.trim_start().starts_with(">>>>>"))
-            .all(|line| width(line).is_none_or(|n| n == first));
-        (constant && start < MAX_PREAMBLE).then_some((delimiter, first))
-    })
-}
+/// Upper bound on the characters of a line that is kept as a keyword.
+const LONGEST: usize = 4096;
 
 /// Reads a table of spectra with one row per wavelength.
-pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
+pub(super) fn read(source: &Source, how: &Interpretation, report: &mut ParseReport) -> Result<Table, FormatError> {
     let library = library::read(source);
     let data = library.as_ref().map_or(0, |library| library.data);
     let looked_at: Vec<Token<'_>> =
-        contents(source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + LOOKED_AT).collect();
-    let Some((delimiter, width)) = delimiter(&looked_at) else {
-        let at = looked_at.first().map_or(0, |line| line.offset);
-        let single =
-            !looked_at.is_empty() && looked_at.iter().all(|line| Delimiter::Blank.numeric_cells(*line) == Some(1));
-        return Err(source.malformed(
-            at,
-            if single {
-                "one column of numbers without wavelengths, expected two or more columns: wavelength and values"
-            } else {
-                "no rows of numbers with the same number of cells, expected wavelength and values separated by tab, `;`, `,` or blanks"
-            },
-        ));
+        contents(source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + ROWS_LOOKED_AT).collect();
+    let Some(layout) = layout::find(&looked_at) else { return Err(no_table(source, &looked_at)) };
+    if layout.width - 1 > MAX_ENTRIES {
+        let message = format!("{} columns, expected at most {MAX_ENTRIES}", layout.width - 1);
+        return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    }
+    let mut preamble = Preamble::of(source, &layout, report);
+    let known = preamble.known_names(layout.width);
+    let header = if library.is_some() || known.is_some() { None } else { header::of(&preamble.tokens(), &layout) };
+    let header = header.filter(|header| !header.is_split_otherwise || columns::fit(&layout, &header.names));
+    let lines = header.as_ref().map_or(0, |header| header.lines);
+    preamble.lines.truncate(preamble.lines.len() - lines);
+    match &header {
+        Some(header) => {
+            let names = header.names.join(" | ").chars().take(LONGEST).collect();
+            report.metadata.push(("columns".to_owned(), names));
+        }
+        None => preamble.refuse_decimal_commas(source, &layout)?,
+    }
+    if let Some(library) = &library {
+        report.metadata.extend(library.fields.iter().cloned());
+    } else if preamble.skipped() > 0 {
+        report.note(TextNote::LinesBeforeData { lines: preamble.skipped() });
+    }
+    let names = names(header.as_ref(), library.as_ref(), known, layout.width);
+    let columns = columns::choose(&layout, &names, how.wavelength_column.as_deref(), how.wavelength_unit.is_some())?;
+    let rows = rows::read(source, &layout, &columns.roles, "a wavelength")?;
+    note_lines_after(&rows, report);
+    note_columns(&columns, report);
+    let mut scale_name = columns.scales().first().map(|&i| names[i].clone()).filter(|name| !name.is_empty());
+    if let (Some(name), Some(unit)) = (&mut scale_name, preamble.stated_unit)
+        && WavelengthUnit::of_header(name).is_none()
+    {
+        *name = format!("{name} ({unit})");
+    }
+    if header.is_none() && library.is_none() && columns.scale.len() > 1 && scale_name.is_none() {
+        report.note(TextNote::ColumnsWithoutHeader { columns: columns.scale.len() });
+    }
+    let dialect = if library.is_some() { "spectral library" } else { layout.delimiter.dialect() };
+    let labels = header.map(|header| header.labels).unwrap_or_default();
+    let mut table = Table {
+        wavelengths: Vec::new(),
+        values: rows.values,
+        names: columns.value_names(&names, &labels),
+        holds: columns.of_values().map(|i| columns.holds[i]).collect(),
+        percent: columns.of_values().map(|i| layout.in_percent[i] || says_percent(&names[i].to_lowercase())).collect(),
+        wavelength_name: scale_name.or_else(|| preamble.stated_unit.map(str::to_owned)),
+        prose: preamble.prose(),
+        heading: String::new(),
+        library,
+        dialect,
     };
-    let (preamble, prose, heading) = (Vec::new(), String::new(), String::new());
-    let mut parser = Parser { delimiter, width, source, library, preamble, prose, heading, table: None };
-    let mut lines = source.lines();
-    loop {
-        if let Some(table) = &mut parser.table {
-            let end = table.push_plain(source.text().as_bytes(), lines.offset(), delimiter);
-            lines.skip_to(end);
-            parser.check_limit(end)?;
-        }
-        let Some(line) = lines.next() else { break };
-        let (content, comment) = split_comment(line);
-        if let Some(comment) = comment {
-            parser.comment(content, comment, report);
-        }
-        if content.text.trim().is_empty() {
-            continue;
-        }
-        if parser.table.is_some() && content.text.trim_start().starts_with(">>>>>") {
-            break;
-        }
-        parser.content(content, report)?;
-    }
-    let after = lines.filter(|line| !line.text.trim().is_empty()).count();
-    if after > 0 {
-        report.note(TextNote::LinesAfterEndMark { lines: after });
-    }
-    parser.finish(report)
+    joined(&mut table, rows.keys, &columns, how)?;
+    table.drop_empty_columns(report);
+    Ok(table)
 }
 
-struct Parser<'a> {
-    delimiter: Delimiter,
-    /// Number of cells in a row of numbers in a text file of spectra: one wavelength and the values at it.
-    width: usize,
-    source: &'a Source,
-    library: Option<Library>,
-    /// Lines before the first row of numbers, each with a flag that is true for a comment.
-    preamble: Vec<(Token<'a>, bool)>,
-    prose: String,
-    heading: String,
-    table: Option<Table>,
+/// Returns the name of each column; empty for a column without a name.
+fn names(header: Option<&Header>, library: Option<&Library>, known: Option<&[&str]>, width: usize) -> Vec<String> {
+    if let Some(header) = header {
+        return header.names.clone();
+    }
+    let mut names = vec![String::new(); width];
+    if let Some(library) = library {
+        names[0].clone_from(&library.x_units);
+    } else if let Some(known) = known {
+        names = known.iter().map(|&name| name.to_owned()).collect();
+    }
+    names
 }
 
-impl<'a> Parser<'a> {
-    fn comment(&mut self, content: Token<'a>, comment: &'a str, report: &mut ParseReport) {
-        let comment = comment.trim_start_matches('#');
-        if comment.trim().is_empty() {
-            return;
-        }
-        // A comment within the data does not describe the columns.
-        if self.table.is_none() && self.preamble.len() < MAX_PREAMBLE {
-            report.metadata.push(("comment".to_owned(), comment.trim().chars().take(4096).collect()));
-            if content.text.trim().is_empty() {
-                self.preamble.push((Token { text: comment, offset: content.offset }, true));
-            } else {
-                self.prose.push_str(&comment.to_lowercase());
-                self.prose.push('\n');
-            }
-        }
-    }
+fn no_table(source: &Source, looked_at: &[Token<'_>]) -> FormatError {
+    let at = looked_at.first().map_or(0, |line| line.offset);
+    let is_number = |line: &&Token<'_>| Delimiter::Blank.number(line.text.trim()).is_some();
+    let single = looked_at.iter().filter(is_number).count();
+    source.malformed(
+        at,
+        if single > 0 && 2 * single > looked_at.len() {
+            "one column of numbers without wavelengths, expected two or more columns: wavelength and values (spectral \
+             libraries have a file of wavelengths beside such files: put the two columns side by side)"
+        } else {
+            "no rows of numbers, expected wavelengths and values separated by tab, `;`, `,` or blanks, as many cells in \
+             each row"
+        },
+    )
+}
 
-    fn content(&mut self, line: Token<'a>, report: &mut ParseReport) -> Result<(), FormatError> {
-        let cells = self.delimiter.cells(line);
-        if self.table.is_none() {
-            // A row begins the data even with a non-numeric cell: that is an error, not a header.
-            let is_row = cells.len() == self.width && self.delimiter.number(cells[0].text).is_some();
-            if !is_row || self.library.as_ref().is_some_and(|library| line.offset < library.data) {
-                if self.preamble.len() < MAX_PREAMBLE {
-                    self.preamble.push((line, false));
+fn note_lines_after(rows: &Rows, report: &mut ParseReport) {
+    if rows.after == 0 {
+        return;
+    }
+    report.note(if rows.has_end_mark {
+        TextNote::LinesAfterEndMark { lines: rows.after }
+    } else {
+        TextNote::LinesAfterData { lines: rows.after }
+    });
+}
+
+fn note_columns(columns: &Columns, report: &mut ParseReport) {
+    if columns.is_first_taken {
+        report.note(SpectrumNote::FirstColumnTaken);
+    }
+    if !columns.numbering.is_empty() {
+        report.note(SpectrumNote::NumberingLeftOut { columns: columns.numbering.join(", ") });
+    }
+    if !columns.texts.is_empty() {
+        report.note(SpectrumNote::TextLeftOut { columns: columns.texts.join(", ") });
+    }
+}
+
+/// Returns the unit of wavelengths that a line before the numbers states, such as `Wavelength units: microns`.
+fn unit_in_prose(line: &str) -> Option<WavelengthUnit> {
+    let lower = line.to_lowercase();
+    let separators =
+        |c: char| c.is_whitespace() || matches!(c, '(' | ')' | '[' | ']' | ',' | ':' | '{' | '}' | '=' | ';' | '"');
+    let units: Vec<WavelengthUnit> = lower.split(separators).filter_map(WavelengthUnit::of_name).collect();
+    let is_about_wavelengths =
+        names_wavelength(&lower) || ["wave", "lambda", "x unit", "xunit"].iter().any(|word| lower.contains(word));
+    // A line with a number is about one wavelength, not about the unit of all.
+    if WavelengthUnit::of_name(&lower).is_some() {
+        return units.first().copied();
+    }
+    let has_number =
+        lower.split(separators).any(|word| word.starts_with(|c: char| c.is_ascii_digit()) && !word.contains("cm"));
+    match units.as_slice() {
+        [unit, rest @ ..] if is_about_wavelengths && !has_number && rest.iter().all(|other| other == unit) => {
+            Some(*unit)
+        }
+        _ => None,
+    }
+}
+
+/// Lines of a file before the rows of its table.
+struct Preamble<'a> {
+    /// Lines that are not blank, each with a flag that is true for a comment after `#`.
+    lines: Vec<(Token<'a>, bool)>,
+    /// Lower-case text of comments behind content on the same line.
+    asides: String,
+    /// Unit of the wavelengths, if a line states it.
+    stated_unit: Option<&'static str>,
+}
+
+impl<'a> Preamble<'a> {
+    fn of(source: &'a Source, layout: &Layout, report: &mut ParseReport) -> Self {
+        let mut preamble = Self { lines: Vec::new(), asides: String::new(), stated_unit: None };
+        for line in source.lines().take_while(|line| line.offset < layout.start) {
+            let (content, comment) = split_comment(line);
+            let is_blank = content.text.trim().is_empty();
+            if let Some(comment) = comment.map(|comment| comment.trim_start_matches('#'))
+                && !comment.trim().is_empty()
+                && preamble.lines.len() < MAX_PREAMBLE
+            {
+                report.metadata.push(("comment".to_owned(), comment.trim().chars().take(LONGEST).collect()));
+                if is_blank {
+                    preamble.lines.push((Token { text: comment, offset: content.offset }, true));
+                } else {
+                    preamble.asides.push_str(&comment.to_lowercase());
+                    preamble.asides.push('\n');
                 }
-                return Ok(());
             }
-            self.table = Some(self.start(report)?);
-        }
-        let Some(table) = &mut self.table else { return Ok(()) };
-        if cells.iter().all(|cell| cell.text.is_empty()) {
-            // Spreadsheets pad a table with rows of delimiters.
-            return Ok(());
-        }
-        let expected = table.names.len() + 1;
-        if cells.len() != expected {
-            return Err(self.source.malformed(
-                line.offset,
-                format!("a row of {} cells, expected {expected} as in the rows before", cells.len()),
-            ));
-        }
-        for (i, cell) in cells.iter().enumerate() {
-            let refused = |expected: &str| {
-                self.source.malformed(cell.offset, format!("found {}, expected {expected}", snippet(cell.text)))
-            };
-            let value = self.delimiter.number(cell.text);
-            if i == 0 {
-                table.wavelengths.push((value.ok_or_else(|| refused("a wavelength"))?, cell.offset));
-                continue;
+            if !is_blank && preamble.lines.len() < MAX_PREAMBLE {
+                preamble.lines.push((content, false));
             }
-            let sample = match value {
-                None if is_missing(cell.text) => f32::NAN,
-                None => return Err(refused("a number or a missing value (blank, NaN or --)")),
-                Some(value) => value as f32,
-            };
-            if sample.is_infinite() {
-                return Err(refused("a number within the range of float32"));
-            }
-            table.values.push(sample);
         }
-        Ok(())
+        let mut units = preamble.lines.iter().filter_map(|(line, _)| unit_in_prose(line.text));
+        preamble.stated_unit = units.next().map(WavelengthUnit::name);
+        preamble
     }
 
-    /// Refuses a table with more values than allowed; `offset` is the byte offset after the last of them.
-    fn check_limit(&self, offset: usize) -> Result<(), FormatError> {
-        if self.table.as_ref().is_none_or(|table| table.values.len() <= MAX_SAMPLES) {
-            return Ok(());
-        }
-        let message = format!("more than the limit of {MAX_SAMPLES} values");
-        Err(self.source.error(FormatErrorKind::OverLimit, offset, message))
+    fn tokens(&self) -> Vec<Token<'a>> {
+        self.lines.iter().map(|(line, _)| *line).collect()
     }
 
-    /// Creates the empty table with its column names. The last line before the numbers is the header if its cell count
-    /// matches.
-    fn start(&mut self, report: &mut ParseReport) -> Result<Table, FormatError> {
-        let width = self.width;
-        if width - 1 > MAX_ENTRIES {
-            let message = format!("{} columns, expected at most {MAX_ENTRIES}", width - 1);
-            return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    fn skipped(&self) -> usize {
+        self.lines.iter().filter(|(_, is_comment)| !is_comment).count()
+    }
+
+    fn prose(&self) -> String {
+        let mut prose = self.asides.clone();
+        for (line, _) in &self.lines {
+            prose.push_str(&line.text.to_lowercase());
+            prose.push('\n');
         }
-        let header = if self.library.is_some() { None } else { self.header() };
-        if header.is_none() {
-            self.refuse_decimal_commas()?;
-        }
-        if let Some(header) = &header {
-            self.heading = header.join("\n").to_lowercase();
-            report.metadata.push(("columns".to_owned(), header.join(" | ").chars().take(4096).collect()));
-        }
-        if let Some(library) = &self.library {
-            report.metadata.extend(library.fields.iter().cloned());
-        }
-        for (line, _) in &self.preamble {
-            self.prose.push_str(&line.text.to_lowercase());
-            self.prose.push('\n');
-        }
-        let skipped = self.preamble.iter().filter(|(_, comment)| !comment).count();
-        if skipped > 0 && self.library.is_none() {
-            report.note(TextNote::LinesBeforeData { lines: skipped });
-        }
-        let mut names = header.unwrap_or_default().into_iter();
-        let wavelength_name = self.library.as_ref().map(|library| library.x_units.clone()).or_else(|| names.next());
-        let mut names: Vec<String> = names.collect();
-        if names.is_empty() {
-            names = (1..width).map(|n| n.to_string()).collect();
-        }
-        Ok(Table {
-            wavelengths: Vec::new(),
-            values: Vec::new(),
-            names,
-            wavelength_name,
-            prose: String::new(),
-            heading: String::new(),
-            library: None,
-            dialect: if self.library.is_some() { "spectral library" } else { self.delimiter.dialect() },
-        })
+        prose
+    }
+
+    /// Returns the names of the `width` columns of files that do not name them: those of the International Glazing
+    /// Database, with labels in braces, and of Spectra Vista's spectroradiometers (.sig).
+    fn known_names(&self, width: usize) -> Option<&'static [&'static str]> {
+        let says = |word: &str| self.lines.iter().any(|(line, _)| line.text.to_lowercase().contains(word));
+        let begins = |mark: &str| self.lines.iter().any(|(line, _)| line.text.trim_start().starts_with(mark));
+        let names: &[&str] = if begins("{") && says("wavelength units") && says("emissivity") {
+            &["wavelength", "transmittance", "front reflectance", "back reflectance"]
+        } else if begins("/*** Spectra Vista SIG Data") {
+            &["wavelength (nm)", "reference (raw)", "target (raw)", "reflectance (%)"]
+        } else {
+            return None;
+        };
+        (names.len() == width).then_some(names)
     }
 
     /// Refuses a table of spectra whose decimal commas cannot be told from separators: its row of names has half as
     /// many cells as its rows of numbers.
-    fn refuse_decimal_commas(&self) -> Result<(), FormatError> {
-        let Some((line, _)) = self.preamble.last().filter(|_| self.delimiter == Delimiter::Comma) else {
+    fn refuse_decimal_commas(&self, source: &Source, layout: &Layout) -> Result<(), FormatError> {
+        let Some((line, _)) = self.lines.last().filter(|_| layout.delimiter == Delimiter::Comma) else {
             return Ok(());
         };
-        let names = self.delimiter.cells(*line);
-        let halves = [2 * names.len(), 2 * names.len() - 1].contains(&self.width);
-        if names.len() < 2 || !halves || !names_wavelength(&unquoted(names[0].text)) {
+        let names = layout.delimiter.cells(*line);
+        let halves = [2 * names.len(), 2 * names.len() - 1].contains(&layout.width);
+        if names.len() < 2 || !halves || !names_wavelength(&name_of(names[0].text)) {
             return Ok(());
         }
         let message = format!(
-            "{} names over rows of {} cells, expected as many: where commas are decimal marks, cells must be separated by `;`, \
-             tabs or blanks",
+            "{} names over rows of {} cells, expected as many: where commas are decimal marks, cells must be separated by \
+             `;`, tabs or blanks",
             names.len(),
-            self.width
+            layout.width
         );
-        Err(self.source.malformed(line.offset, message))
+        Err(source.malformed(line.offset, message))
+    }
+}
+
+/// Joins the rows of several scales of wavelengths side by side to one table. Scales with other wavelengths must agree
+/// where they overlap; otherwise the user must choose one column.
+fn joined(
+    table: &mut Table,
+    keys: Vec<(f64, usize)>,
+    columns: &Columns,
+    how: &Interpretation,
+) -> Result<(), FormatError> {
+    let scales = columns.scales().len();
+    if scales == 1 {
+        table.wavelengths = keys;
+        return Ok(());
+    }
+    let of_scale = |scale: usize| keys.iter().skip(scale).step_by(scales).copied();
+    if let Some(wanted) = &how.column {
+        let picked = position(&table.names, wanted)?;
+        let scale = columns.scale[picked];
+        table.keep(&[picked]);
+        table.names[0].clone_from(wanted);
+        let rows: Vec<((f64, usize), f32)> = of_scale(scale).zip(table.values.drain(..)).collect();
+        (table.wavelengths, table.values) = rows.into_iter().filter(|((key, _), _)| !key.is_nan()).unzip();
+        return Ok(());
+    }
+    let bits = |scale: usize| of_scale(scale).map(|(key, _)| key.to_bits());
+    if (1..scales).all(|scale| bits(scale).eq(bits(0))) {
+        table.wavelengths = of_scale(0).collect();
+        return Ok(());
+    }
+    let mut union: Vec<(f64, usize)> = keys.iter().filter(|(key, _)| !key.is_nan()).copied().collect();
+    union.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    union.dedup_by(|a, b| a.0 == b.0);
+    let width = table.names.len();
+    let mut values = vec![f32::NAN; union.len() * width];
+    for scale in 0..scales {
+        let own: Vec<(usize, f64)> =
+            of_scale(scale).map(|(key, _)| key).enumerate().filter(|(_, key)| !key.is_nan()).collect();
+        let (low, high) = own.iter().fold((f64::MAX, f64::MIN), |(a, b), &(_, key)| (a.min(key), b.max(key)));
+        if own.len() != union.iter().filter(|(key, _)| (low..=high).contains(key)).count() {
+            let message = format!(
+                "{scales} columns of wavelengths side by side, of which those of {} (from {} to {}, {} in all) are others than \
+                 those of the first: choose one spectrum with column: {}",
+                columns.scale.iter().position(|&of| of == scale).map_or(String::new(), |i| snippet(&table.names[i])),
+                Brief(low),
+                Brief(high),
+                own.len(),
+                table.column_list()
+            );
+            return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+        }
+        let of_values: Vec<usize> = (0..width).filter(|&column| columns.scale[column] == scale).collect();
+        for (row, key) in own {
+            let place = union.partition_point(|(other, _)| *other < key);
+            for &column in &of_values {
+                values[place * width + column] = table.values[row * width + column];
+            }
+        }
+    }
+    (table.wavelengths, table.values) = (union, values);
+    Ok(())
+}
+
+impl Columns {
+    /// Returns the columns of wavelengths, in the order of the file.
+    fn scales(&self) -> Vec<usize> {
+        let is_key = |&i: &usize| self.roles[i] == rows::Role::Key;
+        (0..self.roles.len()).filter(is_key).collect()
     }
 
-    /// Returns the column names: the cells of the last line before the numbers, or of the last two lines (names, and
-    /// units beneath them) joined by column. `None` unless the last line has as many cells as the rows of numbers.
-    fn header(&mut self) -> Option<Vec<String>> {
-        let cells = |line: Token<'_>| -> Option<Vec<String>> {
-            let cells = self.delimiter.cells(line);
-            (cells.len() == self.width).then(|| cells.iter().map(|cell| unquoted(cell.text)).collect())
-        };
-        let mut names = cells(self.preamble.last()?.0)?;
-        let above = match self.preamble.as_slice() {
-            [.., (line, _), _] if names.iter().all(|name| is_unit(name)) => cells(*line),
-            _ => None,
-        };
-        self.preamble.truncate(self.preamble.len() - 1 - usize::from(above.is_some()));
-        if let Some(above) = above {
-            names =
-                above.into_iter().zip(names).map(|(name, unit)| format!("{name} {unit}").trim().to_owned()).collect();
-        }
-        Some(names)
+    /// Returns the columns of values, in the order of the file.
+    fn of_values(&self) -> impl Iterator<Item = usize> {
+        (0..self.roles.len()).filter(|&i| self.roles[i] == rows::Role::Value)
     }
 
-    fn finish(self, report: &mut ParseReport) -> Result<Table, FormatError> {
-        let end = self.source.text().len();
-        let Some(mut table) = self.table else {
-            return Err(self.source.malformed(end, "no row of numbers, expected wavelength and values"));
-        };
-        (table.prose, table.heading, table.library) = (self.prose, self.heading, self.library);
-        table.drop_empty_columns(report);
-        if table.wavelength_name.is_none() && table.names.len() > 1 {
-            let columns = table.names.len();
-            report.note(TextNote::ColumnsWithoutHeader { columns });
+    /// Returns the names of the columns of values. A name that several columns share is told apart by its label; a
+    /// column without a name has its number.
+    fn value_names(&self, names: &[String], labels: &[String]) -> Vec<String> {
+        let own: Vec<usize> = self.of_values().collect();
+        let mut counts: HashMap<&str, usize> = HashMap::new();
+        for &i in &own {
+            *counts.entry(&names[i]).or_default() += 1;
         }
-        Ok(table)
+        let name = |(number, &i): (usize, &usize)| {
+            let label = labels.get(i).map_or("", String::as_str);
+            let is_shared = counts[names[i].as_str()] > 1;
+            match (names[i].as_str(), label) {
+                ("", "") => (number + 1).to_string(),
+                ("", label) => label.to_owned(),
+                (name, label) if label.is_empty() || !is_shared => name.to_owned(),
+                (name, label) => format!("{label} {name}"),
+            }
+        };
+        own.iter().enumerate().map(name).collect()
     }
 }
 
 impl Table {
-    /// Parses rows of plain finite numbers in one pass from byte `at` on. Returns the offset of the first line that is
-    /// not such a row, or at which the number of values exceeds its limit.
-    fn push_plain(&mut self, text: &[u8], mut at: usize, delimiter: Delimiter) -> usize {
-        while self.values.len() <= MAX_SAMPLES {
-            let first = self.values.len();
-            let Some((wavelength, end)) = self.plain_row(text, at, delimiter) else {
-                self.values.truncate(first);
-                break;
-            };
-            self.wavelengths.push(wavelength);
-            at = end;
-        }
-        at
-    }
-
-    /// Parses the row of numbers at byte `at` and appends its values. Returns its wavelength with the byte offset, and
-    /// the offset of the next line.
-    #[inline]
-    fn plain_row(&mut self, text: &[u8], at: usize, delimiter: Delimiter) -> Option<((f64, usize), usize)> {
-        let separator = delimiter.byte();
-        let blanks = |mut at: usize| {
-            while let Some(&byte @ (b' ' | b'\t')) = text.get(at)
-                && (byte != separator || delimiter == Delimiter::Blank)
-            {
-                at += 1;
-            }
-            at
-        };
-        let mut at = blanks(at);
-        let place = at;
-        let (wavelength, mut end) = decimal(text, at)?;
-        for _ in 0..self.names.len() {
-            at = blanks(end);
-            if delimiter == Delimiter::Blank {
-                (at > end).then_some(())?;
-            } else {
-                (text.get(at) == Some(&separator)).then_some(())?;
-                at = blanks(at + 1);
-            }
-            let (value, next) = if let Some(found) = decimal(text, at) {
-                found
-            } else {
-                // Between blanks a cell cannot be empty.
-                let end = missing_end(text, at).filter(|&end| end > at || delimiter != Delimiter::Blank)?;
-                (f64::NAN, end)
-            };
-            let sample = value as f32;
-            if sample.is_infinite() {
-                return None;
-            }
-            self.values.push(sample);
-            end = next;
-        }
-        let end = blanks(end);
-        let mark = match text.get(end..)? {
-            [b'\r', b'\n', ..] => 2,
-            [b'\r' | b'\n', ..] => 1,
-            [] => 0,
-            _ => return None,
-        };
-        Some(((wavelength, place), end + mark))
-    }
-
-    /// Removes the nameless empty column that a separator at the end of every row creates.
+    /// Removes columns of values without any: a separator at the end of every row makes one, and so do spreadsheets.
     fn drop_empty_columns(&mut self, report: &mut ParseReport) {
         let columns = self.names.len();
-        let nameless = self.names[columns - 1].is_empty() || self.wavelength_name.is_none();
-        if columns < 2 || !nameless || !self.values.chunks_exact(columns).all(|row| row[columns - 1].is_nan()) {
+        let is_empty = |column: &usize| self.values.iter().skip(*column).step_by(columns).all(|value| value.is_nan());
+        let kept: Vec<usize> = (0..columns).filter(|column| !is_empty(column)).collect();
+        if kept.is_empty() || kept.len() == columns {
             return;
         }
-        self.values = self.values.chunks_exact(columns).flat_map(|row| &row[..columns - 1]).copied().collect();
-        self.names.pop();
-        report.note(TextNote::BlankLastColumn);
+        report.note(TextNote::BlankColumns { columns: columns - kept.len() });
+        self.keep(&kept);
     }
 }
 
-/// Returns true for a cell that belongs to a row of units such as `[nm]`, `(%)` or `counts`, or is blank.
-fn is_unit(cell: &str) -> bool {
-    const BARE: [&str; 12] = ["nm", "um", "µm", "cm-1", "%", "a.u.", "counts", "w", "w/nm", "mw/nm", "sr-1", "1/sr"];
-    let bracketed = |open, close| cell.starts_with(open) && cell.ends_with(close);
-    let cell_is_bare = BARE.contains(&cell.to_lowercase().as_str());
-    cell.is_empty() || bracketed('[', ']') || bracketed('(', ')') || cell_is_bare
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_read_from_lines_about_wavelengths() {
+        for (line, unit) in [
+            ("{ Units, Wavelength Units } SI Microns", Some(WavelengthUnit::Micrometre)),
+            ("Wavelength units: nm", Some(WavelengthUnit::Nanometre)),
+            ("X Units; Nanometers", Some(WavelengthUnit::Nanometre)),
+            ("RAD->  Wave:643nm  Pix:10", None),
+            ("Bandwidth 2 nm", None),
+            ("Thickness (um)", None),
+            ("wavelength range 380 to 780 nm", None),
+        ] {
+            assert_eq!(unit_in_prose(line), unit, "{line}");
+        }
+    }
 }

@@ -45,8 +45,10 @@ impl WavelengthUnit {
 
     pub(in crate::formats) fn of_name(name: &str) -> Option<Self> {
         match name.trim().to_lowercase().replace(['µ', 'μ'], "u").as_str() {
-            "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => Some(Self::Nanometre),
-            "um" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre" | "micrometres" => {
+            "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" | "nanomètre" | "nanomètres"
+            | "nanómetros" | "nanometri" => Some(Self::Nanometre),
+            "um" | "mum" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre" | "micrometres"
+            | "mikrometer" | "mikron" | "micromètre" | "micromètres" | "micrómetros" | "micrometri" => {
                 Some(Self::Micrometre)
             }
             "angstrom" | "angstroms" | "å" | "ångström" => Some(Self::Angstrom),
@@ -56,18 +58,11 @@ impl WavelengthUnit {
     }
 
     /// Returns the unit in a column name such as `Wavelength (nm)`, `lambda_um` or `wavenumber [cm-1]`.
-    pub(super) fn of_header(name: &str) -> Option<Self> {
+    pub(in crate::formats) fn of_header(name: &str) -> Option<Self> {
         let separators =
             |c: char| c.is_whitespace() || matches!(c, '(' | ')' | '[' | ']' | '_' | ',' | ':' | '{' | '}');
         name.split(separators).filter(|word| !word.is_empty()).rev().find_map(Self::of_name)
     }
-}
-
-/// Returns true if the name of a column means wavelengths or wavenumbers, by its unit or its words.
-pub(in crate::formats) fn names_wavelength(name: &str) -> bool {
-    let lower = name.to_lowercase();
-    let words = ["wave", "lambda", "λ", "wellenl"];
-    WavelengthUnit::of_header(name).is_some() || lower == "wl" || words.iter().any(|word| lower.contains(word))
 }
 
 /// Returns the bracketed word at the end of a column name, which is meant as a unit: `Wavelength (furlongs)`.
@@ -77,10 +72,12 @@ fn bracketed(name: &str) -> Option<&str> {
     (unit.len() < open.len() && !unit.is_empty() && unit.chars().all(char::is_alphabetic)).then_some(unit)
 }
 
-/// Returns the unit of the wavelengths `values`, which are monotone; `name` is the name of their column.
+/// Returns the unit of the wavelengths `values`; `name` is the name of their column, and `is_named` is true if it says
+/// wavelengths.
 pub(super) fn of(
     values: &[f64],
     name: Option<&str>,
+    is_named: bool,
     how: &Interpretation,
     report: &mut ParseReport,
 ) -> Result<WavelengthUnit, FormatError> {
@@ -97,21 +94,28 @@ pub(super) fn of(
         return Err(needs(format!("wavelengths in {}, expected one of {}", snippet(unit), known())));
     }
     let (first, last) = (values[0], values[values.len() - 1]);
-    let (low, high) = (first.min(last), first.max(last));
-    let range = format!("{} to {}", Brief(first), Brief(last));
+    let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &value| (low.min(value), high.max(value)));
     let within = |a: f64, b: f64| a <= low && high <= b;
+    let falls = first > last;
     let unit = if within(0.2, 25.0) {
         WavelengthUnit::Micrometre
-    } else if within(150.0, 3000.0) {
+    } else if within(150.0, 3000.0)
+        || is_named && within(100.0, 30_000.0) && low < 1500.0
+        || is_light_of_the_sun(low, high)
+    {
         WavelengthUnit::Nanometre
-    } else if within(1500.0, 30_000.0) && first <= last {
+    } else if is_named && within(0.1, 100.0) {
+        WavelengthUnit::Micrometre
+    } else if within(1500.0, 30_000.0) && !falls {
         WavelengthUnit::Angstrom
-    } else if within(400.0, 50_000.0) && first > last {
+    } else if within(400.0, 50_000.0) && falls {
         // Spectrometers list wavenumbers in decreasing order, so that wavelengths increase.
         WavelengthUnit::Wavenumber
     } else {
         return Err(needs(format!(
-            "wavelengths from {range} fit no unit, expected the option wavelength_unit: {}",
+            "wavelengths from {} to {} fit no unit, expected the option wavelength_unit: {}",
+            Brief(first),
+            Brief(last),
             known()
         )));
     };
@@ -119,12 +123,19 @@ pub(super) fn of(
     Ok(unit)
 }
 
+/// Returns true for a range from the ultraviolet to beyond 3000, as tables of sunlight have it in nm. Wavenumbers of
+/// instruments begin at 400 or above.
+fn is_light_of_the_sun(low: f64, high: f64) -> bool {
+    (150.0..400.0).contains(&low) && high <= 4500.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn inferred(values: &[f64], name: Option<&str>) -> Option<WavelengthUnit> {
-        of(values, name, &Interpretation::default(), &mut ParseReport::default()).ok()
+        let is_named = name.is_some_and(|name| name.starts_with(['w', 'W']));
+        of(values, name, is_named, &Interpretation::default(), &mut ParseReport::default()).ok()
     }
 
     #[test]
@@ -139,5 +150,10 @@ mod tests {
         assert_eq!(inferred(&[1.0, 2.0], Some("Wavelength (nm)")), Some(Nanometre));
         assert_eq!(inferred(&[1.0, 2.0], Some("lambda_um")), Some(Micrometre));
         assert_eq!(inferred(&[1.0, 1000.0], Some("wavelength")), None);
+        assert_eq!(inferred(&[280.0, 4000.0], Some("wavelength")), Some(Nanometre));
+        assert_eq!(inferred(&[280.0, 4000.0], None), Some(Nanometre));
+        assert_eq!(inferred(&[400.0, 4000.0], None), None);
+        assert_eq!(inferred(&[120.0, 400.0], Some("wavelength")), Some(Nanometre));
+        assert_eq!(inferred(&[2.5, 40.0], Some("wavelength")), Some(Micrometre));
     }
 }

@@ -1,15 +1,17 @@
 //! Spectra with one row per sample and one column per wavelength, as instruments export them (`380nm`, `R380`, or the
 //! bare number).
 
-use super::cells::{Delimiter, has_words, is_missing, unquoted};
-use super::lines::{contents, split_comment};
+use super::holds::{Holds, names_wavelength, says_percent};
 use super::table::Table;
-use super::wavelength_unit::{WavelengthUnit, names_wavelength};
+use super::wavelength_unit::WavelengthUnit;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
+use crate::formats::text_table::cells::{Delimiter, has_words, is_missing, name_of};
+use crate::formats::text_table::lines::{contents, split_comment};
 use crate::formats::turned::turned;
+use std::collections::HashMap;
 
 /// Lower bound on the number of wavelengths in a row of column names. Raising it recognises fewer tables with one row
 /// per sample.
@@ -19,8 +21,12 @@ const LOOKED_AT: usize = 100;
 /// Upper bound on the rows beneath a row of bare numbers that are examined, to tell a row of wavelengths from a first
 /// row of values.
 const ROWS_LOOKED_AT: usize = 20;
-/// Prefixes in column names before a wavelength in nm, in lower case.
-const PREFIXES: [&str; 5] = ["spectral_nm", "spec_", "nm_", "nm", "r"];
+/// Lower bound on the number of neighbouring columns with one text before their numbers, such as `X400`, `X410`, if the
+/// text is not known as one before wavelengths. Raising it recognises fewer tables.
+const FEWEST_ALIKE: usize = 5;
+/// Texts in lower case before or after a wavelength in nm in column names.
+const KNOWN: [&str; 12] =
+    ["spectral_nm", "spec_", "nm_", "nm", "_nm", "r", "wl_", "wl", "x", "lambda_", "λ", "wavelength_"];
 /// Ranges of bare numbers in column names that are taken for wavelengths in nm, wavelengths in µm, and wavenumbers in
 /// 1/cm.
 const NANOMETRES: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
@@ -49,24 +55,67 @@ const IDENTIFIERS: [&str; 16] = [
     "scan",
 ];
 
-/// Returns the wavelength in nm in a column name such as `380nm`, `R380`, `SPEC_380` or `nm380`; `None` for any other
-/// name.
-fn wavelength(name: &str) -> Option<f64> {
+/// Column of values: the position of its cell in a row (from 0), its wavelength, and the byte offset of its name.
+type NamedColumn = (usize, f64, usize);
+
+/// Number in a column name such as `380nm`, `R380`, `wl_400` or `400.00 nm`, with the text before and after it.
+struct Numbered {
+    before: String,
+    after: String,
+    number: f64,
+}
+
+/// Splits a column name at its only number; `None` for a name without a number, or with several.
+fn numbered(name: &str) -> Option<Numbered> {
     let name = name.to_lowercase();
-    let before = PREFIXES.iter().find_map(|prefix| name.strip_prefix(prefix));
-    let rest = before.unwrap_or(&name);
-    let digits = rest.strip_suffix("nm").map(str::trim_end);
-    (before.is_some() || digits.is_some()).then_some(())?;
-    number(digits.unwrap_or(rest)).filter(|nm| NANOMETRES.contains(nm))
+    let start = name.find(|c: char| c.is_ascii_digit())?;
+    let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | ',');
+    let length = name[start..].find(|c| !is_part(c)).unwrap_or(name.len() - start);
+    let (before, rest) = name.split_at(start);
+    let (digits, after) = rest.split_at(length);
+    let number = number(&digits.replace(',', "."))?;
+    let after = after.trim().to_owned();
+    let has_words = |text: &str| text.chars().any(|c| c.is_ascii_digit());
+    (!has_words(&after) && !before.ends_with('-')).then_some(Numbered { before: before.to_owned(), after, number })
+}
+
+/// Returns the columns with names of wavelengths, such as `380nm`, `R380`, `X400` or `wl_400`, and their unit: for each
+/// its position, wavelength and byte offset. All have the same text before and after their numbers.
+fn with_text(cells: &[Token<'_>]) -> (Vec<NamedColumn>, WavelengthUnit) {
+    let mut alike: HashMap<(String, String), Vec<NamedColumn>> = HashMap::new();
+    for (i, cell) in cells.iter().enumerate() {
+        let Some(Numbered { before, after, number }) = numbered(&name_of(cell.text)) else { continue };
+        let range = if unit_of(&after) == WavelengthUnit::Micrometre { MICROMETRES } else { NANOMETRES };
+        if range.contains(&number) && (!before.is_empty() || !after.is_empty()) {
+            alike.entry((before, after)).or_default().push((i, number, cell.offset));
+        }
+    }
+    let are_wavelengths = |(before, after): &(String, String), columns: &[NamedColumn]| {
+        let is_known = WavelengthUnit::of_name(after).is_some()
+            || KNOWN.contains(&before.as_str())
+            || KNOWN.contains(&after.as_str());
+        let identifies = IDENTIFIERS.contains(&before.trim_end_matches(['_', ' ', '-', '.']));
+        let numbers: Vec<f64> = columns.iter().map(|&(_, number, _)| number).collect();
+        columns.len() >= if is_known { FEWEST } else { FEWEST_ALIKE }
+            && (is_known || !identifies && is_monotone(&numbers))
+    };
+    let found = alike.into_iter().filter(|(text, columns)| are_wavelengths(text, columns));
+    // The first of equally many.
+    let most = found.max_by_key(|(_, columns)| (columns.len(), std::cmp::Reverse(columns[0].0)));
+    most.map_or((Vec::new(), WavelengthUnit::Nanometre), |((_, after), columns)| (columns, unit_of(&after)))
+}
+
+/// Returns the unit that follows a wavelength in a column name; nm without one.
+fn unit_of(after: &str) -> WavelengthUnit {
+    WavelengthUnit::of_name(after).unwrap_or(WavelengthUnit::Nanometre)
 }
 
 /// Row of column names that contains wavelengths, with its cell separator.
 struct Names {
     delimiter: Delimiter,
     cells: usize,
-    /// Columns of values: for each the position of its cell in a row (from 0), its wavelength, and the byte offset of
-    /// its name.
-    columns: Vec<(usize, f64, usize)>,
+    /// Columns of values, in the order of the file.
+    columns: Vec<NamedColumn>,
     /// Name of the wavelength axis, which may contain its unit.
     axis: Option<String>,
     offset: usize,
@@ -88,18 +137,15 @@ fn names<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Names> {
     })
 }
 
-/// Parses a row of column names in which wavelengths have a unit or letter, such as `380nm` or `R380`.
+/// Parses a row of column names in which wavelengths have a unit or other text, such as `380nm`, `R380` or `wl_400`.
 fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
     let cells = delimiter.cells(line);
-    let columns: Vec<(usize, f64, usize)> = cells
-        .iter()
-        .enumerate()
-        .filter_map(|(i, cell)| Some((i, wavelength(&unquoted(cell.text))?, cell.offset)))
-        .collect();
-    let first = cells.first().map(|cell| cell.text.to_lowercase()).unwrap_or_default();
-    let is_axis = first.contains("wavelength") || first.contains("lambda") || first.trim() == "nm";
-    let (cells, axis) = (cells.len(), Some("nm".to_owned()));
-    (columns.len() >= FEWEST && !is_axis).then_some(Names { delimiter, cells, columns, axis, offset: line.offset })
+    let (columns, unit) = with_text(&cells);
+    let is_of_column = |i: &usize| columns.iter().any(|(column, ..)| column == i);
+    // Beside a column of wavelengths, such names are excitations or samples.
+    let has_axis = (0..cells.len()).filter(|i| !is_of_column(i)).any(|i| names_wavelength(&name_of(cells[i].text)));
+    let (cells, axis) = (cells.len(), Some(unit.name().to_owned()));
+    (columns.len() >= FEWEST && !has_axis).then_some(Names { delimiter, cells, columns, axis, offset: line.offset })
 }
 
 /// Parses a row of column names in a text table of spectra, in which wavelengths are bare numbers, increasing or
@@ -109,13 +155,13 @@ fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bo
     if cells.len() < FEWEST {
         return None;
     }
-    let numbers: Vec<Option<f64>> = cells.iter().map(|cell| delimiter.number(&unquoted(cell.text))).collect();
+    let numbers: Vec<Option<f64>> = cells.iter().map(|cell| delimiter.number(&name_of(cell.text))).collect();
     let from = numbers.iter().position(Option::is_some)?;
-    let columns: Vec<(usize, f64, usize)> =
+    let columns: Vec<NamedColumn> =
         (from..cells.len()).map_while(|i| Some((i, numbers[i]?, cells[i].offset))).collect();
     let after = numbers[from + columns.len()..].iter().all(Option::is_none);
     let values: Vec<f64> = columns.iter().map(|&(_, value, _)| value).collect();
-    let first = unquoted(cells[0].text);
+    let first = name_of(cells[0].text);
     let is_stated = WavelengthUnit::of_header(&first).is_some() && values.iter().all(|&value| value > 0.0);
     let fits_a_unit = if is_stated { is_monotone(&values) } else { are_wavelengths(&values) };
     if columns.len() < FEWEST || 2 * columns.len() < cells.len() || !after || !fits_a_unit {
@@ -125,7 +171,7 @@ fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bo
         let row = delimiter.cells(*row);
         let same = row.len() == cells.len() || row.len() == cells.len() + 1 && row.last()?.text.is_empty();
         let is_value = |i: usize| delimiter.number(row[i].text).is_some() || is_missing(row[i].text);
-        (same && columns.iter().all(|&(i, ..)| is_value(i))).then(|| unquoted(row[0].text))
+        (same && columns.iter().all(|&(i, ..)| is_value(i))).then(|| name_of(row[0].text))
     };
     let firsts: Vec<String> = below.iter().map_while(fits).collect();
     // Wavelengths continue down the first column; sample numbers do not.
@@ -138,8 +184,6 @@ fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bo
     };
     let is_table_of_rows = if from == 0 {
         !is_first || goes_on(Some(values[0]))
-    } else if names_wavelength(&first) {
-        down.is_some()
     } else {
         !IDENTIFIERS.contains(&first.to_lowercase().as_str()) && goes_on(None)
     };
@@ -199,7 +243,7 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
             cells.push(Token { text: "", offset: content.offset + content.text.len() });
         }
         if cells.len() != width {
-            let message = format!("a row of {} cells, expected {width} as there are names", cells.len());
+            let message = format!("a row of {} cells, expected {width}: the row of names has as many", cells.len());
             return Err(source.malformed(line.offset, message));
         }
         for &(i, ..) in &columns {
@@ -213,7 +257,7 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
             values.push(value.unwrap_or(f32::NAN));
         }
         let is_label = |i: &usize| columns.iter().all(|(column, ..)| column != i) && !cells[*i].text.is_empty();
-        let label = (0..width).find(is_label).map(|i| unquoted(cells[i].text));
+        let label = (0..width).find(is_label).map(|i| name_of(cells[i].text));
         names.push(label.unwrap_or_else(|| (names.len() + 1).to_string()));
         if names.len() > MAX_ENTRIES || values.len() > MAX_SAMPLES {
             let message = format!("expected at most {MAX_ENTRIES} rows and {MAX_SAMPLES} values");
@@ -226,7 +270,9 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
     let values = turned(&values, columns.len(), names.len());
     let wavelengths = columns.into_iter().map(|(_, nm, offset)| (nm, offset)).collect();
     let (wavelength_name, dialect) = (axis, "one spectrum a row");
-    Ok(Some(Table { wavelengths, values, names, wavelength_name, prose, heading, library: None, dialect }))
+    let (holds, percent) = (vec![Holds::Unstated; names.len()], vec![says_percent(&heading); names.len()]);
+    let library = None;
+    Ok(Some(Table { wavelengths, values, names, holds, percent, wavelength_name, prose, heading, library, dialect }))
 }
 
 #[cfg(test)]
@@ -278,7 +324,11 @@ mod tests {
             let error = read(&format!("{names}{rows}")).unwrap_err();
             assert!(error.kind == FormatErrorKind::Malformed && error.to_string().contains(word), "{error}");
         }
-        let error = read("sample,380nm,400nm,390nm\nleaf,1,2,3\n").unwrap_err();
-        assert!(error.to_string().contains("wavelength 390 after 400"), "{error}");
+        let error = read("sample,380nm,390nm,390nm\nleaf,1,2,3\n").unwrap_err();
+        assert!(error.to_string().contains("wavelength 390 twice"), "{error}");
+        let Samples::OnAxes { tensor, .. } = read("sample,380nm,400nm,390nm\nleaf,1,2,3\n").unwrap().samples else {
+            panic!("on axes")
+        };
+        assert_eq!(tensor.samples(), [1.0, 3.0, 2.0], "sorted");
     }
 }

@@ -1,7 +1,7 @@
 //! Text exports of instruments and libraries, compared value by value with numbers written out here, and files that
 //! look like spectra but are not.
 
-use super::{file, fixture, has_note, metadata, plain, tensor, wavelengths};
+use super::{columns_of as columns, file, fixture, has_note, metadata, plain, tensor, wavelengths};
 use std::f64::consts::PI;
 use wavelume_core::domain::{Axis, Quantity, Unit};
 use wavelume_formats::formats::{
@@ -10,12 +10,6 @@ use wavelume_formats::formats::{
 
 fn instrument(name: &str) -> Acquisition {
     fixture(&format!("tests/fixtures/instruments/{name}"))
-}
-
-/// The columns of a table, NaN for a missing value.
-fn columns(table: &Acquisition) -> Vec<Vec<f32>> {
-    let (axes, samples) = tensor(table);
-    samples.chunks_exact(axes.last().unwrap().len()).map(<[f32]>::to_vec).collect()
 }
 
 fn labels(table: &Acquisition) -> Vec<&str> {

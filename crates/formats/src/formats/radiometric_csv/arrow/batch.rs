@@ -1,7 +1,8 @@
 //! Conversion of record batches to rows. Every buffer is checked to lie within its message, every number is validated,
 //! and lists of float32 are copied whole.
 
-use super::super::columns::{Cell, Columns};
+use super::super::columns::{ANGLE, NOT_NEGATIVE, WAVELENGTH};
+use super::super::columns::{Angle, Cell, Columns};
 use super::super::problems::Problems;
 use super::super::rows::Rows;
 use super::flat::{Broken, Table};
@@ -244,10 +245,21 @@ impl<'a> Batches<'a> {
         Ok(Parts { nodes, buffers: slices, node: 0, buffer: 0 })
     }
 
-    fn problem(&mut self, row: usize, name: &str, found: Option<f64>, expected: &str) {
+    fn problem(&mut self, row: usize, name: &str, found: Option<f64>, expected: &'static str) {
+        let column = self.read.names.iter().position(|known| known == name).unwrap_or(0);
         let found = found.map_or_else(|| "nothing".to_owned(), |found| Brief(found).to_string());
         let row = self.count + row + 1;
-        self.problems.add(0, 0, || format!("row {row}, column {}: found {found}, expected {expected}", snippet(name)));
+        let angle = match self.read.cells.get(column) {
+            Some(Cell::Angle(k)) if expected == ANGLE => self.read.angles[*k],
+            _ => None,
+        };
+        self.problems.add_alike(0, 0, (column, expected), || {
+            let expected = angle.map_or_else(
+                || expected.to_owned(),
+                |Angle { range: (low, high), .. }| format!("an angle from {low} to {high} degrees"),
+            );
+            format!("row {row}, column {}: found {found}, expected {expected}", snippet(name))
+        });
     }
 
     /// Reads the column of angle `k` (0 `theta_i`, 1 `phi_i`, 2 `theta_o`, 3 `phi_o`) of a record batch into the
@@ -269,8 +281,7 @@ impl<'a> Batches<'a> {
             if let Some(degrees) = found.and_then(|found| angle.degrees(found)) {
                 self.rows.directions[first_row + row][k] = degrees;
             } else {
-                let (low, high) = angle.range;
-                self.problem(row, name, found, &format!("an angle from {low} to {high} degrees"));
+                self.problem(row, name, found, ANGLE);
             }
         }
     }
@@ -280,7 +291,7 @@ impl<'a> Batches<'a> {
         for row in 0..count {
             match numbers.get(row).filter(|&found| found > 0.0 && found.is_finite()) {
                 Some(lambda) => lambdas.push(self.rows.wavelengths.number(lambda)),
-                None => self.problem(row, name, numbers.get(row), "a positive wavelength"),
+                None => self.problem(row, name, numbers.get(row), WAVELENGTH),
             }
         }
         lambdas
@@ -320,7 +331,7 @@ impl<'a> Batches<'a> {
                 } else if matches!(cell, Cell::Value(_)) {
                     self.rows.values[at] = value;
                 } else if value < 0.0 {
-                    self.problem(row, name, Some(found), "an uncertainty, which is not negative");
+                    self.problem(row, name, Some(found), NOT_NEGATIVE);
                 } else {
                     self.rows.sigma[at] = value;
                 }

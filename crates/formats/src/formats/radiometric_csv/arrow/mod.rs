@@ -18,6 +18,7 @@ mod tests;
 use super::assemble;
 use super::columns::{self, Columns, Row};
 use super::header::{self, Field, Header};
+use super::in_plane;
 use super::problems::Problems;
 use super::remarks::remarks;
 use crate::formats::acquisition::{Acquisition, ParseReport};
@@ -40,7 +41,7 @@ pub(in crate::formats) const READER: Reader = Reader {
         reads: true,
         writes: false,
     },
-    options: &["wavelength_unit", "normalization", FACTOR],
+    options: &["wavelength_unit", "normalization", "in_plane_sign", FACTOR],
     probe: |sample: &Sample<'_>| {
         let is_stream = sample.bytes.starts_with(CONTINUES) || sample.bytes.starts_with(FILE);
         if is_stream { 95 } else { 0 }
@@ -115,6 +116,8 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         report.note(ValueNote::AnglesRounded { stored_as: "float32" });
     }
     decimal_wavelengths(&mut rows.wavelengths.values);
+    let mut columns = columns;
+    in_plane::turn(&mut rows, &mut columns, &header, false, how, &mut report).map_err(named)?;
     remarks(&header, &columns, rows.grazing, &mut report);
     let form = if columns.is_wide() { "wide" } else { "long" };
     let places = rows.values.len() / columns.width();
@@ -164,8 +167,9 @@ fn columns(
             _ => names.push(column.name.clone()),
         }
     }
-    let text = names.join(",");
-    let read = columns::read(&Row { text: &text, line: 0 }, header, report, problems);
+    let cells_of = names.into_iter().map(|name| (name, 0)).collect();
+    let row = Row { cells: cells_of, line: 0, alone: false, with_source: false };
+    let read = columns::read(&row, header, None, report, problems);
     if let Some(read) = &read {
         for (column, &first) in schema.columns.iter().zip(&cells) {
             let is_read = read.cells.get(first).is_some_and(|cell| *cell != columns::Cell::Ignored);
