@@ -2,8 +2,10 @@
 
 use super::instrument::Instrument;
 use super::stated_grid::StatedGrid;
+use super::text::Source;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Axis, Direction, Note, Quantity, Sampling, Shared, Tensor, Unit, WavelengthGrid};
+use crate::notes::{TextNote, ValueNote};
 use serde::Serialize;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -223,6 +225,22 @@ impl ParseReport {
     /// Adds a note to the report of the parser.
     pub fn note(&mut self, note: impl Into<Note>) {
         self.notes.push(note.into());
+    }
+
+    /// Adds a note on the encoding in which a text was decoded, unless it is plain UTF-8.
+    pub(super) fn note_encoding(&mut self, source: &Source) {
+        if let Some(encoding) = source.odd_encoding() {
+            self.note(TextNote::DecodedAs { encoding });
+        }
+    }
+
+    /// Adds a note on the number of negative values, which are kept, if there are any.
+    pub(super) fn note_negative(&mut self, values: &[f32]) {
+        let negative = values.iter().filter(|value| **value < 0.0).count();
+        if negative > 0 {
+            let lowest = values.iter().copied().fold(0.0, f32::min);
+            self.note(ValueNote::Negative { values: negative, lowest });
+        }
     }
 
     /// Adds a note on a change of the samples, such as a merged seam, to the parser's report. The note applies only if

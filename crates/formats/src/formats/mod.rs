@@ -7,7 +7,7 @@ mod analytic;
 mod archive;
 mod asd;
 mod azimuth;
-mod elements;
+mod bsdf_xml;
 mod error;
 mod eulumdat;
 mod foreign;
@@ -48,8 +48,8 @@ mod tm27;
 mod tm33;
 mod turned;
 mod type_c;
-mod window;
-mod windows;
+mod windows_1252;
+mod xml;
 mod zemax;
 
 pub use crate::domain::{Note, NoteKind, NoteValue};
@@ -86,7 +86,7 @@ pub use stated_grid::{Contradictions, Repeated, StatedGrid, StatedGridError};
 pub use tabphase::{TabulatedPhase, write_tabphase};
 pub use template::{TEMPLATES, Template, template};
 pub(crate) use type_c::flux as flux_of_planes;
-pub(crate) use windows::changes as changed_in_windows;
+pub(crate) use windows_1252::changes as changed_in_windows;
 
 /// Reads a measurement from `bytes` in any known format.
 pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {

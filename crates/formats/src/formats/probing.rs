@@ -22,7 +22,7 @@ const TABLE: &[Reader] = &[
     super::tm27::READER,
     super::tm33::READER,
     super::zemax::READER,
-    super::window::READER,
+    super::bsdf_xml::READER,
     super::svc::READER,
     super::speos::READER,
     super::sekonic::READER,

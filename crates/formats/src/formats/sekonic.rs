@@ -68,9 +68,7 @@ struct List {
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let quantity = of_light(how, NAME, &mut report)?;
     let delimiter = source.lines().find_map(|line| delimiter(line.text)).unwrap_or(Delimiter::Comma);
     let (mut lists, mut columns, mut figures, mut titles): (Vec<List>, _, _, _) = (Vec::new(), 0, 0, Vec::new());

@@ -10,7 +10,7 @@ use super::stated::{StatedQuantity, divide_by_pi};
 use super::text::Source;
 use super::turned::turned;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
-use crate::notes::{SpectrumNote, ValueNote};
+use crate::notes::SpectrumNote;
 
 /// Ratio to the white reference above which reflectances are remarked upon. Raising it hides larger ones.
 const LARGE: f32 = 1.5;
@@ -62,11 +62,7 @@ impl Spectra {
         if missing > 0 {
             report.note(SpectrumNote::MissingMasked { values: missing });
         }
-        let negative = self.values.iter().filter(|value| **value < 0.0).count();
-        if negative > 0 {
-            let lowest = self.values.iter().copied().fold(0.0, f32::min);
-            report.note(ValueNote::Negative { values: negative, lowest });
-        }
+        report.note_negative(&self.values);
         let largest = self.values.iter().copied().fold(0.0, f32::max);
         if self.quantity == StatedQuantity::Reflectance && largest > LARGE {
             report.note(SpectrumNote::LargeRatio { largest });

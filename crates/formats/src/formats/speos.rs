@@ -11,7 +11,7 @@ use super::spectral_table::table::Table;
 use super::stated::StatedQuantity;
 use super::text::{Source, Token, Tokens, is_text, snippet};
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::notes::{SpectrumNote, TextNote};
+use crate::notes::SpectrumNote;
 
 const NAME: &str = "speos";
 
@@ -39,9 +39,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
                        the spectrum without encryption";
         return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
     }
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut lines = source.lines();
     let title = lines.next().map_or("", |line| line.text);
     report.metadata.push(("title".to_owned(), shortened(title)));

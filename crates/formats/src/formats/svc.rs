@@ -85,9 +85,7 @@ impl Signal {
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut lines = source.lines();
     header(&source, &mut lines, &mut report)?;
     let field = |key: &str| report.metadata.iter().find(|(found, _)| found == key).map(|(_, value)| value.clone());

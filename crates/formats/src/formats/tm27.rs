@@ -3,16 +3,16 @@
 //! Wavelengths are in nm (IES TM-27-14).
 
 use super::acquisition::{Acquisition, ParseReport, Samples};
-use super::elements::{Element, Room, Root, Visitor, walk};
 use super::error::{FormatError, FormatErrorKind};
 use super::foreign;
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Format, Reader, Sample};
 use super::text::{Brief, Source, number, snippet};
+use super::xml::{Element, Room, Root, Visitor, walk};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
-use crate::notes::{Quoted, SpectrumNote, TextNote, ValueNote};
+use crate::notes::{Quoted, SpectrumNote};
 
 const NAME: &str = "tm-27";
 
@@ -42,9 +42,7 @@ const MAX_FIELDS: usize = 1000;
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut document = Document {
         source: &source,
         quantity: None,
@@ -62,11 +60,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let (quantity, unit) = meaning(quantity.as_deref(), how, &mut report)?;
     let (wavelengths, values) = ordered(points, &source, &mut report)?;
-    let negative = values.iter().filter(|v| **v < 0.0).count();
-    if negative > 0 {
-        let lowest = values.iter().copied().fold(0.0, f32::min);
-        report.note(ValueNote::Negative { values: negative, lowest });
-    }
+    report.note_negative(&values);
     let largest = values.iter().copied().fold(0.0, f32::max);
     if quantity == Quantity::Reflectance && largest > 1.5 {
         report.note(SpectrumNote::LargeRatio { largest });

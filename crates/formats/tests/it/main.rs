@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
+mod bsdf_xml;
 mod damaged;
 mod examples;
 mod formats;
@@ -11,7 +12,6 @@ mod projection;
 mod recorded;
 mod restated;
 mod scattered;
-mod window;
 
 use std::path::Path;
 

@@ -21,7 +21,7 @@ use super::reader::{Reader, Sample};
 use super::text::{Brief, Source, Token, Tokens, number, snippet};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::domain::{Axis, Quantity, Unit};
-use crate::notes::{ScatteringNote, TextNote};
+use crate::notes::ScatteringNote;
 use about::{ABOUT, NAME};
 use coordinates::Pair;
 use header::Header;
@@ -50,9 +50,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let header = header::read(&source, how, &mut report)?;
     let rows = rows(&source, &header, &mut report)?;
     let count = rows.pairs.len();

@@ -32,8 +32,8 @@ pub(super) const READER: Reader = Reader {
 /// Largest radiance in W/m²/sr/nm, or irradiance in W/m²/nm, that is believed; only the disc of the sun is brighter.
 /// Larger numbers are counts; raising it takes more counts for light.
 const BRIGHTEST: f64 = 100.0;
-/// Largest signal in counts of a spectrum that is no signal, beside a white reference above [`BRIGHTEST`]. Raising it
-/// refuses more dark samples.
+/// Largest value of a spectrum that cannot be counts beside a white reference above [`BRIGHTEST`]: it was divided by
+/// the reference already. Raising it refuses more dark samples.
 const FAINTEST: f64 = 2.0;
 /// Step between two detectors, in per cent of the value, from which it is remarked upon. Raising it hides more steps.
 const STEP_PERCENT: f64 = 1.0;

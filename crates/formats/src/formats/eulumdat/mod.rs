@@ -26,7 +26,6 @@ use super::reader::{Reader, Sample};
 use super::text::Source;
 use super::type_c::{flux, type_c};
 use crate::domain::{Quantity, Unit};
-use crate::notes::TextNote;
 use about::{ABOUT, NAME};
 use header::Header;
 use lines::{HEAD_LINES, Lines, decimal};
@@ -56,9 +55,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     check_emission(NAME, how)?;
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut lines = Lines::of(&source);
     let header = Header::read(&mut lines, &mut report)?;
     let (unit, scale) = header.unit(how, &mut report)?;

@@ -2,7 +2,7 @@
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
-use super::super::windows::encoded;
+use super::super::windows_1252::encoded;
 use super::about::NAME;
 use super::header::{DIMENSIONS, MOST_PLANES, ROOM_INDICES, even_planes};
 use super::planes::{LISTED, SYMMETRIES, decimal_angle};

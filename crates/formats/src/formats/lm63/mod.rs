@@ -25,7 +25,7 @@ use super::reader::{Reader, Sample};
 use super::text::{Brief, Source};
 use super::type_c::{Planes, flux, type_c};
 use crate::domain::{Quantity, Unit};
-use crate::notes::{LuminaireNote, TextNote};
+use crate::notes::LuminaireNote;
 use about::{ABOUT, NAME};
 use header::Header;
 use labels::{Labels, Revision};
@@ -46,9 +46,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     check_emission(NAME, how)?;
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let labels = labels::read(&source, &mut report)?;
     let pointed = if labels.tilt_included { None } else { numbers::with_points(source.text(), labels.numbers_at) };
     let source = match pointed {

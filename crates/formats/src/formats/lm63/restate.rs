@@ -2,7 +2,7 @@
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
-use super::super::windows::encoded;
+use super::super::windows_1252::encoded;
 use super::about::NAME;
 use super::labels::Revision;
 use super::lines::list;

@@ -88,7 +88,7 @@ pub(super) fn interpret(
         if cosine {
             grid::divide_by_cosine(&mut grid, &mut report)?;
         }
-        count_negative(&grid.values, &mut report);
+        report.note_negative(&grid.values);
         Samples::Grid(grid)
     } else if cosine {
         return Err(unfit(
@@ -96,7 +96,7 @@ pub(super) fn interpret(
              divided by it before they are averaged, or angles theta_o",
         ));
     } else {
-        count_negative(&samples, &mut report);
+        report.note_negative(&samples);
         let axes =
             entries.into_iter().filter_map(|entry| if let Entry::Axis(axis) = entry { Some(axis) } else { None });
         let tensor = Tensor::new(axes.collect(), samples).map_err(|e| unfit(e.to_string()))?;
@@ -183,14 +183,5 @@ fn cosine_included(
             let found = snippet(&other.to_string());
             Err(unfit(format!("cosine_included of quantity {quantity}: found {found}, expected {expected}")))
         }
-    }
-}
-
-/// Adds a note on the number of negative values, which are kept.
-fn count_negative(values: &[f32], report: &mut ParseReport) {
-    let negative = values.iter().filter(|value| **value < 0.0).count();
-    if negative > 0 {
-        let lowest = values.iter().copied().fold(0.0, f32::min);
-        report.note(ValueNote::Negative { values: negative, lowest });
     }
 }

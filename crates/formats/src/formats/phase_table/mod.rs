@@ -30,7 +30,7 @@ use super::reader::{Reader, Sample};
 use super::spectral_table::layouts;
 use super::text::{Brief, Source, is_text};
 use crate::domain::{Quantity, Unit};
-use crate::notes::{PhaseNote, TextNote};
+use crate::notes::PhaseNote;
 use about::{ABOUT, NAME};
 use columns::says_volume;
 use normalised::{modelled, normalise};
@@ -80,9 +80,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let (mut curve, form, vsf) = match lists::read(&source, how, &mut report)? {
         Some((curve, form)) => (curve, form, false),
         None => columns::read(&source, how, &mut report)?,

@@ -22,9 +22,7 @@ pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u
     let utf16 = marked || unmarked_utf16(bytes).is_some();
     let text = if utf16 {
         let source = Source::decode(bytes, NAME);
-        if let Some(encoding) = source.odd_encoding() {
-            report.note(TextNote::DecodedAs { encoding });
-        }
+        report.note_encoding(&source);
         Cow::Owned(source.text().as_bytes().to_vec())
     } else {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);

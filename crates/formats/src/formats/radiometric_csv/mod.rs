@@ -86,9 +86,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         return table(&head, body, None, how, report);
     }
     let source = Source::decode(bytes, NAME);
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let (head, constants) = unmarked::head(&source, how, &mut report)?;
     let body = &source.text()[head.end..];
     let has_lone_returns = !body.contains('\n') && body.contains('\r');

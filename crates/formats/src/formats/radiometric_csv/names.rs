@@ -122,7 +122,7 @@ pub(super) fn of_line(name: &str) -> Meaning {
 
 /// Symbols and words of azimuths, and of angles from the normal, in lower case.
 const AZIMUTH_SYMBOLS: [&str; 5] = ["phi", "φ", "ϕ", "azi", "az"];
-const AZIMUTHS: [&str; 4] = ["azimut", "acimut", "azymut", "azimut"];
+const AZIMUTHS: [&str; 3] = ["azimut", "acimut", "azymut"];
 const POLAR_SYMBOLS: [&str; 5] = ["theta", "θ", "ϑ", "thet", "th"];
 const POLAR: [&str; 13] = [
     "winkel", "angle", "angolo", "ángulo", "angulo", "ângulo", "hoek", "vinkel", "kąt", "zenit", "polar", "úhel",

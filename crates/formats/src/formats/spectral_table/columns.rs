@@ -98,8 +98,9 @@ pub(super) fn choose(
     Ok(columns)
 }
 
-/// Returns false for a sentence that only happens to have as many commas as a table has columns: in the unit that it
-/// states, the column that it would call wavelengths cannot be any, while another one can.
+/// Returns false if the names cannot be those of the columns: the one with a unit of wavelengths stands over numbers
+/// that are no wavelengths in this unit, while another column's are. A sentence with as many commas as the table has
+/// columns looks like such names.
 pub(super) fn fit(layout: &Layout, names: &[String]) -> bool {
     let is_scale = |i: usize| {
         let numbers = layout.numbers(i);

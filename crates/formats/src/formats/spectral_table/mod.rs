@@ -30,7 +30,7 @@ use super::text::{Brief, Source, is_text, snippet};
 use super::turned::turned;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Sampling, Tensor, Unit, WavelengthGrid};
-use crate::notes::{Quoted, SpectrumNote, TextNote, ValueNote};
+use crate::notes::{Quoted, SpectrumNote};
 use about::{ABOUT, NAME};
 use holds::Holds;
 use table::Table;
@@ -45,9 +45,7 @@ pub(super) const READER: Reader = Reader {
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut table = layouts::read(&source, how, &mut report)?;
     if table.wavelengths.is_empty() {
         return Err(source.malformed(0, "no row with a wavelength, expected one at least"));
@@ -345,20 +343,13 @@ fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) 
 
 /// Adds notes on the number of missing values and on that of negative values.
 fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(), FormatError> {
-    let (mut masked, mut negative, mut lowest) = (0, 0, 0.0_f32);
-    for &value in &table.values {
-        masked += usize::from(value.is_nan());
-        negative += usize::from(value < 0.0);
-        lowest = lowest.min(value);
-    }
+    let masked = table.values.iter().filter(|value| value.is_nan()).count();
     if masked == table.values.len() {
         return Err(source.malformed(0, "every value is missing (blank, NaN or --), expected numbers"));
     }
     if masked > 0 {
         report.note(SpectrumNote::MissingMasked { values: masked });
     }
-    if negative > 0 {
-        report.note(ValueNote::Negative { values: negative, lowest });
-    }
+    report.note_negative(&table.values);
     Ok(())
 }

@@ -4,9 +4,9 @@ use super::distribution::{Distribution, Intensity, Metric};
 use super::spectrum::Listed;
 use super::words::{Placed, number_of};
 use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
-use crate::formats::elements::{Element, Room, Visitor};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, number, snippet};
+use crate::formats::xml::{Element, Room, Visitor};
 
 /// Upper bound on the bytes of text in an XML element other than a list. Raising it keeps longer keywords.
 const MAX_TEXT: usize = 4096;

@@ -15,7 +15,6 @@ mod tests;
 mod words;
 
 use super::acquisition::{Acquisition, ParseReport, Samples};
-use super::elements::{Root, walk};
 use super::error::{FormatError, FormatErrorKind};
 use super::foreign;
 use super::instrument::Instrument;
@@ -24,8 +23,9 @@ use super::photometry::check_emission;
 use super::reader::{Reader, Sample};
 use super::text::{Brief, Source, snippet};
 use super::type_c::{Planes, flux, type_c};
+use super::xml::{Root, walk};
 use crate::domain::{Quantity, Unit};
-use crate::notes::{LuminaireNote, TextNote};
+use crate::notes::LuminaireNote;
 use about::{ABOUT, NAME};
 use distribution::{Distribution, Metric, plain};
 use document::{Document, Emitter};
@@ -52,9 +52,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     check_emission(NAME, how)?;
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut document = Document::new(&source);
     walk(&source, &Root { is: is_root, expected: "IESTM33-22" }, &mut report, &mut document)?;
     let Document { root, fields, goniometer, mut emitters, .. } = document;

@@ -22,7 +22,7 @@ use super::radiometric_csv;
 use super::reader::{Reader, Sample};
 use super::text::{Brief, Source, listed, snippet};
 use crate::domain::{Quantity, Unit};
-use crate::notes::{ScatteringNote, TextNote};
+use crate::notes::ScatteringNote;
 use about::{ABOUT, NAME};
 use blocks::Channel;
 use geometry::{Incidence, pair};
@@ -43,9 +43,7 @@ const SCATTER_TOLERANCE: f64 = 1.5;
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let mut words = Words::new(&source);
     let header = header::read(&mut words, &source, &mut report)?;
     check_options(&header, how)?;

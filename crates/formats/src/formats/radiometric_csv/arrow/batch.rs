@@ -1,8 +1,7 @@
 //! Conversion of record batches to rows. Every buffer is checked to lie within its message, every number is validated,
 //! and lists of float32 are copied whole.
 
-use super::super::columns::{ANGLE, NOT_NEGATIVE, WAVELENGTH};
-use super::super::columns::{Angle, Cell, Columns};
+use super::super::columns::{ANGLE, Angle, Cell, Columns, NOT_NEGATIVE, WAVELENGTH};
 use super::super::problems::Problems;
 use super::super::rows::Rows;
 use super::flat::{Broken, Table};

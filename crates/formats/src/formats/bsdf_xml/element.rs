@@ -2,9 +2,9 @@
 
 use super::about::ROOT;
 use crate::formats::acquisition::ParseReport;
-use crate::formats::elements::{self, Room, Root, Visitor};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::Source;
+use crate::formats::xml::{self, Room, Root, Visitor};
 use std::ops::Range;
 
 /// Upper bound on the number of XML elements. Raising it accepts files with more bands and more rings of patches.
@@ -46,7 +46,7 @@ impl Element {
 /// Returns the root element of a source, with all others in it.
 pub(super) fn root(source: &Source, report: &mut ParseReport) -> Result<Element, FormatError> {
     let mut tree = Tree { source, open: vec![Element::default()], count: 0 };
-    elements::walk(source, &Root { is: |name| name == ROOT, expected: ROOT }, report, &mut tree)?;
+    xml::walk(source, &Root { is: |name| name == ROOT, expected: ROOT }, report, &mut tree)?;
     let root = tree.open.pop().and_then(|mut document| document.children.pop());
     root.ok_or_else(|| source.malformed(0, format!("no element, expected {ROOT}")))
 }
@@ -60,7 +60,7 @@ struct Tree<'a> {
 }
 
 impl Visitor for Tree<'_> {
-    fn open(&mut self, element: &elements::Element<'_>) -> Result<Room, FormatError> {
+    fn open(&mut self, element: &xml::Element<'_>) -> Result<Room, FormatError> {
         self.count += 1;
         if self.count > MAX_ELEMENTS {
             let message = format!("more than {MAX_ELEMENTS} XML elements");

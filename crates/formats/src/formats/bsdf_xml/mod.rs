@@ -25,7 +25,7 @@ use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
 use super::text::Source;
 use crate::domain::Unit;
-use crate::notes::{ScatteringNote, TextNote};
+use crate::notes::ScatteringNote;
 use about::{ABOUT, NAME, ROOT};
 
 pub(super) const READER: Reader = Reader {
@@ -42,9 +42,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
-    if let Some(encoding) = source.odd_encoding() {
-        report.note(TextNote::DecodedAs { encoding });
-    }
+    report.note_encoding(&source);
     let root = element::root(&source, &mut report)?;
     let file = blocks::File::of(&root, &source, &mut report)?;
     let choice = choice::choose(&file.blocks, how)?;
