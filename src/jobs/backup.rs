@@ -11,6 +11,7 @@ use crate::store::{Digest, Object, Place, Staging, Store, StoreError, StoreExt};
 use futures::TryStreamExt;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::mem;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,6 +29,10 @@ const HOLD: Duration = Duration::from_mins(10);
 /// Age above which a temporary file counts as left by a killed backup or restore. Raising it keeps such files for
 /// longer.
 pub(super) const STALE: Duration = Duration::from_hours(24);
+
+/// Number of files that the backup lacks and that are copied together. Those that are missing in the store, too, wait
+/// once for a second look. Raising it needs more memory, some 500 bytes for each.
+const TOGETHER: usize = 5_000;
 
 /// Description of a backup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -220,13 +225,10 @@ impl Archive {
         check: bool,
     ) -> Result<Tally, ArchiveError> {
         let (mut rows, mut tally) = (dump.read("blobs")?, Tally::default());
-        let (mut listed, mut there) = (None, HashMap::new());
+        let (mut listed, mut there, mut absent) = (None, HashMap::new(), Vec::new());
         loop {
             let batch = stored(&mut rows).await?;
-            if batch.is_empty() {
-                return Ok(tally);
-            }
-            let mut absent = Vec::new();
+            let is_end = batch.is_empty();
             for blob in batch {
                 let digest = blob.object.digest();
                 // Digests of a tenant come in order: each folder is listed once for each.
@@ -240,25 +242,48 @@ impl Archive {
                     _ => absent.push((blob.object.clone(), blob.object)),
                 }
             }
-            let copies =
-                fetch_each((&self.store, Some(&self.catalog)), absent, staging, |object, fetched| async move {
-                    match &fetched {
-                        Ok(staged) => to.publish(staged, &kept(object.digest())).await?,
-                        Err(lost) if lost.kind == UNREADABLE => {}
-                        Err(_) => {
-                            self.belongs().await?;
-                            self.catalog.suspect(&object).await?;
-                        }
+            if is_end || absent.len() >= TOGETHER {
+                self.copy_absent(mem::take(&mut absent), to, staging, &mut tally).await?;
+            }
+            if is_end {
+                return Ok(tally);
+            }
+        }
+    }
+
+    /// Copies stored files that the backup lacks, and marks in the catalog those that are missing or damaged.
+    async fn copy_absent(
+        &self,
+        absent: Vec<(Object, Object)>,
+        to: &Arc<dyn Store>,
+        staging: &Staging,
+        tally: &mut Tally,
+    ) -> Result<(), ArchiveError> {
+        let copies = fetch_each((&self.store, Some(&self.catalog)), absent, staging, |object, fetched| async move {
+            if let Ok(staged) = &fetched {
+                to.publish(staged, &kept(object.digest())).await?;
+            }
+            Ok((object, fetched.map(|staged| staged.bytes())))
+        });
+        let mut suspects = Vec::new();
+        for (object, copied) in copies.await? {
+            match copied {
+                Ok(bytes) => tally.copied(bytes),
+                Err(lost) => {
+                    if lost.kind != UNREADABLE {
+                        suspects.push(object);
                     }
-                    Ok(fetched.map(|staged| staged.bytes()))
-                });
-            for copied in copies.await? {
-                match copied {
-                    Ok(bytes) => tally.copied(bytes),
-                    Err(lost) => tally.lost.push(lost),
+                    tally.lost.push(lost);
                 }
             }
         }
+        if !suspects.is_empty() {
+            self.belongs().await?;
+        }
+        for object in suspects {
+            self.catalog.suspect(&object).await?;
+        }
+        Ok(())
     }
 }
 
