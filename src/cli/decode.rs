@@ -1,6 +1,7 @@
 //! `wavelume decode`: a material → a dense float32 array with its manifest.
 
 use super::failure::Failure;
+use super::guard::{Outputs, manifest_of_array, marks_of_array};
 use super::input::read_file;
 use super::output::{Sheet, count, print, print_json, write_file};
 use super::report::{axes_lines, coverage_lines};
@@ -33,6 +34,12 @@ pub(crate) struct Args {
     /// Print a report on the written files as one line of JSON
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs::array(&self.output)
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -93,9 +100,9 @@ pub(crate) fn write_marked(
     let bytes = formats::write_npy(&shape, measurement.tensor.samples());
     drop(measurement);
     write_file(path, &bytes)?;
-    let beside = path.with_extension("axes.json");
+    let beside = manifest_of_array(path);
     write_file(&beside, format!("{manifest}\n").as_bytes())?;
-    let marks = (!filled.is_empty()).then(|| path.with_extension("filled.npy"));
+    let marks = (!filled.is_empty()).then(|| marks_of_array(path));
     if let Some(marks) = &marks {
         let directions = if axes_are_spectral { &shape[..shape.len() - 1] } else { &shape[..] };
         let values: Vec<f32> = filled.iter().map(|&filled| f32::from(u8::from(filled))).collect();

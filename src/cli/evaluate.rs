@@ -3,6 +3,7 @@
 use super::batch::{BatchArgs, Queries};
 use super::declared::{argument, declared_args, refusal, stated};
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::output::print_json;
 use super::query::{self, List};
 use super::request::ThreadsArgs;
@@ -82,6 +83,12 @@ struct Answer {
     /// True if the polar angle of the incoming direction exceeds the largest measured one.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     extrapolated: bool,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Option<Outputs> {
+        self.batch.outputs()
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

@@ -3,6 +3,7 @@
 use super::declared::{all_stated, argument, declared_args, refusal};
 use super::decode::decode;
 use super::failure::Failure;
+use super::guard::{Outputs, manifest_of_array};
 use super::input::read_file;
 use super::output::{Sheet, count, per_cent, print, print_json, write_file};
 use super::request::ThreadsArgs;
@@ -67,6 +68,17 @@ fn format(name: &str) -> Result<ExportFormat, String> {
     ExportFormat::of_name(name).map_err(|error| error.to_string())
 }
 
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        if self.format.takes_samples() {
+            return Outputs::array(&self.output);
+        }
+        // Any text may be named .txt.
+        let suffixes = vec![self.format.extension(), "txt"];
+        Outputs { kind: self.format.name(), suffixes, paths: vec![self.output.clone()] }
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let options = &args.options.0;
     let about = |failure: Failure| failure.about(&args.material);
@@ -81,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         answer["axes"] = axes.iter().map(Axis::describe).collect();
         answer["samples"] = json!(measurement.tensor.len());
         answer["masked_samples"] = json!(measurement.tensor.masked());
-        beside = Some((args.output.with_extension("axes.json"), manifest_of(&measurement)));
+        beside = Some((manifest_of_array(&args.output), manifest_of(&measurement)));
         exported
     } else {
         let bytes = read_file(&args.material)?;

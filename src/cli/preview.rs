@@ -1,6 +1,7 @@
 //! `wavelume preview`: a picture of a material.
 
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::output::write_file;
 use super::query::{self, List};
 use super::request::ThreadsArgs;
@@ -27,6 +28,12 @@ pub(crate) struct Args {
     viewing: ViewingArgs,
     #[command(flatten)]
     threads: ThreadsArgs,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs { kind: "a PNG picture", suffixes: vec!["png"], paths: vec![self.output.clone()] }
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

@@ -2,6 +2,7 @@
 
 use super::batch::{BatchArgs, Queries};
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::output::print_json;
 use super::query::{self, List};
 use crate::domain::Direction;
@@ -57,6 +58,12 @@ struct Answer {
     directions: Vec<Option<[f64; 2]>>,
     pdf: Vec<f64>,
     weight: Vec<f64>,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Option<Outputs> {
+        self.batch.outputs()
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

@@ -4,6 +4,7 @@ mod compress;
 mod directories;
 mod doctor;
 mod evaluate;
+mod guard;
 mod keys;
 mod materials;
 mod refusals;
