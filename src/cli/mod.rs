@@ -35,6 +35,7 @@ mod listen;
 mod log;
 mod migrate;
 mod openapi;
+mod opened;
 mod output;
 mod paper;
 mod physics;

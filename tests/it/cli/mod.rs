@@ -7,6 +7,7 @@ mod evaluate;
 mod guard;
 mod keys;
 mod materials;
+mod measured;
 mod refusals;
 mod scans;
 mod service;
