@@ -7,8 +7,9 @@ use super::materials::Material;
 use super::places::KIB;
 use super::problem::{Kind, Problem};
 use super::resumable;
-use super::schemas::{Binary, UploadIdText};
+use super::schemas::{Binary, FileForm, UploadIdText};
 use super::state::{App, Service};
+use super::upload::Received;
 use super::upload_query::UPLOAD;
 use crate::catalog::MaterialRow;
 use crate::jobs::{MaterialUpload, Tags, Text};
@@ -104,8 +105,9 @@ fn read(pairs: Vec<(String, String)>) -> Result<(MaterialUpload, Option<String>)
 /// larger errors than it states is refused.
 #[utoipa::path(
     post, path = "/v1/materials", tag = "materials", params(Types),
-    request_body(content = Binary, content_type = "application/vnd.wavelume.material",
-        description = "The bytes of the file (.wlm); `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored"),
+    request_body(content((Binary = "application/vnd.wavelume.material"), (FileForm = "multipart/form-data")),
+        description = "The bytes of the file (.wlm), or a form (`multipart/form-data`) with one file. `Content-Encoding: gzip` and \
+                       `zstd` are decoded; any other `Content-Type` is ignored"),
     responses(
         (status = 201, description = "New material", body = Material, headers(("Location" = String, description = "URL of the material"))),
         (status = 200, description = "The material was stored before; the names, tags and measurements of this upload are added to it", body = Material,
@@ -124,13 +126,13 @@ async fn post_material(app: App, caller: Caller, request: Request) -> Result<Res
             return Err(problem);
         }
     };
-    let (staged, used) = resumable::receive(&app, id.as_deref(), request).await?;
+    let (Received { staged, lines, .. }, used) = resumable::receive(&app, id.as_deref(), request).await?;
     let bytes = staged.bytes();
     let ingested = ingest(&app, &caller, staged, upload).await;
     if let Some(used) = used {
         used.end(&app, ingested.is_ok()).await;
     }
-    let (row, new) = ingested?;
+    let (row, new) = ingested.map_err(|problem| lines.explain(problem))?;
     metrics::counter!("wavelume_uploaded_bytes_total").increment(bytes);
     let duration_ms = start.elapsed().as_millis() as u64;
     tracing::info!(material = %row.id, bytes, new, measured = row.measurements.len(), duration_ms, "material uploaded");

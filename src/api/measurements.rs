@@ -5,8 +5,9 @@ use super::extract::{Id, Query, linger, word};
 use super::page::page;
 use super::problem::{Kind, Problem};
 use super::resumable;
-use super::schemas::{Binary, CursorText, PageSize, Word};
+use super::schemas::{Binary, CursorText, FileForm, PageSize, Word};
 use super::state::{App, Service};
+use super::upload::Received;
 use super::upload_query::UploadQuery;
 use crate::catalog::{Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::Quantity;
@@ -118,8 +119,9 @@ enum Uploaded {
 /// Upload a measurement of any supported format, or a zip archive of them.
 #[utoipa::path(
     post, path = "/v1/measurements", tag = "measurements", params(UploadQuery),
-    request_body(content = Binary, content_type = "application/octet-stream",
-        description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored. \
+    request_body(content((Binary = "application/octet-stream"), (FileForm = "multipart/form-data")),
+        description = "The bytes of the file, or a form (`multipart/form-data`) with one file, which also gives the file name. \
+                       `Content-Encoding: gzip` and `zstd` are decoded; any other `Content-Type` is ignored. \
                        Each file of a zip archive becomes a measurement, read with the options given. Bytes that were uploaded before keep \
                        the name and file name of their first upload"),
     responses(
@@ -139,17 +141,16 @@ async fn post_measurement(app: App, request: Request) -> Result<Response, Proble
             return Err(problem);
         }
     };
-    let (staged, used) = resumable::receive(&app, id.as_deref(), request).await?;
+    let (Received { staged, file_name, lines }, used) = resumable::receive(&app, id.as_deref(), request).await?;
     let bytes = staged.bytes();
     if upload.file_name.is_none() {
-        let stated = used.as_ref().and_then(|used| used.stated("filename"));
-        upload.file_name = stated.filter(|name| check_text("filename", name).is_ok());
+        upload.file_name = file_name.filter(|name| check_text("filename", name).is_ok());
     }
     let ingested = app.engine.ingest_any(staged, upload).await;
     if let Some(used) = used {
         used.end(&app, ingested.is_ok()).await;
     }
-    let ingested = ingested?;
+    let ingested = ingested.map_err(|error| lines.explain(error.into()))?;
     metrics::counter!("wavelume_uploaded_bytes_total").increment(bytes);
     let duration_ms = start.elapsed().as_millis() as u64;
     let created = |new: bool| if new { StatusCode::CREATED } else { StatusCode::OK };

@@ -21,6 +21,7 @@ mod extract;
 mod figures;
 mod first_key;
 mod flattened;
+mod form;
 mod front;
 mod guard;
 mod guesses;

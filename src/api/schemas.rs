@@ -122,6 +122,11 @@ described! {
         .schema_type(Type::String)
         .format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)))
         .description(Some("Bytes of a file."));
+    /// Schema of a form with one file, as `curl -F file=@…` and web pages send it.
+    FileForm = "FileForm", ObjectBuilder::new()
+        .description(Some("A form with one file. Its field may have any name."))
+        .property("file", Ref::from_schema_name(Binary::name()))
+        .required("file");
     /// Schema of a server-sent event.
     EventText = "Event", ObjectBuilder::new()
         .description(Some("A server-sent event: `state` with a job, or `progress` with `{\"progress\": 0.5}`."))

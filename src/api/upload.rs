@@ -2,6 +2,7 @@
 
 use super::caller::client;
 use super::extract::{declared_length, linger, linger_body};
+use super::form::{ENVELOPE, Form};
 use super::pace::{Pace, Slow};
 use super::problem::{Kind, Problem};
 use super::state::App;
@@ -11,7 +12,7 @@ use crate::store::{Staged, StagedWriter, StoreError};
 use async_compression::tokio::bufread::GzipDecoder;
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use futures::{Stream, StreamExt};
 use std::io;
 use std::pin::Pin;
@@ -21,6 +22,9 @@ use tokio_util::io::StreamReader;
 
 /// Number of bytes of an upload that are hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
+
+/// Number of bytes of a form that are searched for the end of the file at a time.
+const PIECE_OF_FORM: usize = 64 << 10;
 
 /// Number of decoded bytes of an upload that are exempt from the limit on the compression ratio: a small file may well
 /// be all zeros.
@@ -49,6 +53,61 @@ enum Cut {
 #[error("a part of the upload cannot be read from the store")]
 pub(crate) struct Lost(pub(crate) Kind);
 
+/// Uploaded body in a temporary file.
+#[derive(Debug)]
+pub(crate) struct Received {
+    /// Bytes of the body, or of the file in a form.
+    pub(crate) staged: Staged,
+    /// Name of the file in a form; `None` for any other body.
+    pub(crate) file_name: Option<String>,
+    /// Line breaks of the body, for the answer if it cannot be read.
+    pub(crate) lines: Lines,
+}
+
+/// Line breaks of a body, which `curl --data @FILE` removes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lines {
+    first: Option<u8>,
+    is_binary: bool,
+    /// True if the body has line breaks, or was not sent as `curl --data` sends it.
+    has_breaks: bool,
+}
+
+impl Lines {
+    /// Line breaks of a body that was not sent as `curl --data` sends it.
+    pub(crate) const KEPT: Self = Self { first: None, is_binary: false, has_breaks: true };
+
+    const ADVICE: &str =
+        "the body has no line break, as `curl --data @FILE` sends a file: use `curl --data-binary @FILE`";
+
+    fn see(&mut self, bytes: &[u8]) {
+        if !self.has_breaks {
+            self.first = self.first.or(bytes.first().copied());
+            self.has_breaks = bytes.iter().any(|byte| matches!(byte, b'\n' | b'\r'));
+            self.is_binary |= bytes.iter().any(|byte| *byte < b' ' && *byte != b'\t');
+        }
+    }
+
+    /// Refuses a text without line breaks, unless it is JSON or XML, which need none.
+    fn check(self) -> Result<(), Problem> {
+        if self.has_breaks || self.is_binary || matches!(self.first, None | Some(b'{' | b'<')) {
+            return Ok(());
+        }
+        let detail =
+            format!("{}; if it has one line alone, name its type: -H 'content-type: text/plain'", Self::ADVICE);
+        Err(Problem::new(Kind::BadBody, detail))
+    }
+
+    /// Returns the problem of a body that cannot be read: without its line breaks, that is probably why.
+    pub(crate) fn explain(self, problem: Problem) -> Problem {
+        let body = problem.body();
+        if self.has_breaks || body.status != StatusCode::UNPROCESSABLE_ENTITY.as_u16() {
+            return problem;
+        }
+        Problem::new(Kind::BadBody, format!("{}; as it is: {}", Self::ADVICE, body.detail))
+    }
+}
+
 /// Streams the bytes of a resumable upload, which `headers` describe, into a staging file.
 pub(crate) async fn receive_stream(
     app: &App,
@@ -59,8 +118,8 @@ pub(crate) async fn receive_stream(
     let coding = coding(headers)?;
     let _place = app.held.uploads.take(client, 1)?;
     let limits = &app.engine.limits;
-    let received = tokio::time::timeout(limits.upload_time, stage(app, coding, bytes.as_mut())).await;
-    received.unwrap_or_else(|_| {
+    let staged = async { Ok(stage(app, coding, None, bytes.as_mut()).await?.staged) };
+    tokio::time::timeout(limits.upload_time, staged).await.unwrap_or_else(|_| {
         Err(Problem::new(
             Kind::Unavailable,
             format!("the parts of the upload were not read from the store within {:?}", limits.upload_time),
@@ -68,33 +127,55 @@ pub(crate) async fn receive_stream(
     })
 }
 
-/// Streams an uploaded body into a staging file.
-pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Problem> {
+/// Streams an uploaded body, or the file in an uploaded form, into a staging file.
+pub(crate) async fn receive(app: &App, request: Request) -> Result<Received, Problem> {
     let limits = &app.engine.limits;
     let client = client(request.extensions());
     let admitted = coding(request.headers()).and_then(|coding| {
-        if declared_length(request.headers()).is_some_and(|length| length > limits.upload_bytes) {
+        let form = Form::of(request.headers()).map_err(bad_form)?;
+        if declared_length(request.headers()).is_some_and(|length| length > most(limits, form.as_ref())) {
             return Err(too_large(limits));
         }
-        Ok((coding, app.held.uploads.take(client, 1)?))
+        Ok((coding, form, app.held.uploads.take(client, 1)?))
     });
-    let (coding, _place) = match (admitted, lacks_room(app, declared_length(request.headers())).await) {
+    let (coding, form, _place) = match (admitted, lacks_room(app, declared_length(request.headers())).await) {
         (Ok(admitted), Ok(())) => admitted,
         (Err(problem), _) | (_, Err(problem)) => {
             linger(request).await;
             return Err(problem);
         }
     };
+    let is_url_encoded = is_url_encoded(request.headers());
     let stream = request.into_body().into_data_stream();
     let mut body = Box::pin(stream.map(|piece| piece.map_err(|_| io::Error::other(Cut::Broken))));
-    let received = tokio::time::timeout(limits.upload_time, stage(app, coding, body.as_mut())).await;
+    let received = tokio::time::timeout(limits.upload_time, stage(app, coding, form, body.as_mut())).await;
     let received = received.unwrap_or_else(|_| {
         Err(Problem::new(Kind::TooSlow, format!("the upload took longer than {:?}", limits.upload_time)))
     });
-    if received.is_err() {
-        linger_body(Body::from_stream(body)).await;
+    match received {
+        Ok(received) if is_url_encoded => received.lines.check().map(|()| received),
+        Ok(received) => Ok(Received { lines: Lines::KEPT, ..received }),
+        Err(problem) => {
+            linger_body(Body::from_stream(body)).await;
+            Err(problem)
+        }
     }
-    received
+}
+
+/// Returns the upper bound on the bytes of an uploaded body.
+fn most(limits: &Limits, form: Option<&Form>) -> u64 {
+    limits.upload_bytes.saturating_add(form.map_or(0, |_| ENVELOPE))
+}
+
+/// Returns true for the media type with which `curl --data` and `curl --data-binary` send a file.
+fn is_url_encoded(headers: &HeaderMap) -> bool {
+    let stated = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    let essence = stated.map(|text| text.split(';').next().unwrap_or_default().trim());
+    essence.is_some_and(|essence| essence.eq_ignore_ascii_case("application/x-www-form-urlencoded"))
+}
+
+fn bad_form(reason: String) -> Problem {
+    Problem::new(Kind::BadBody, reason)
 }
 
 /// Refuses an upload of this size that the disks or the limits of the tenant do not allow, before its bytes are
@@ -109,8 +190,9 @@ pub(crate) async fn lacks_room(app: &App, bytes: Option<u64>) -> Result<(), Prob
 async fn stage(
     app: &App,
     coding: Coding,
+    mut form: Option<Form>,
     body: Pin<&mut (impl Stream<Item = io::Result<axum::body::Bytes>> + Send + ?Sized)>,
-) -> Result<Staged, Problem> {
+) -> Result<Received, Problem> {
     let limits = &app.engine.limits;
     let encoded = AtomicU64::new(0);
     let pieces = futures::stream::unfold((body, Pace::new(limits)), |(mut body, mut pace)| {
@@ -141,13 +223,28 @@ async fn stage(
     let staging = app.engine.archive.staging.clone();
     let mut writer = blocking(move || staging.begin()).await?;
     let mut piece = Vec::with_capacity(PIECE);
-    let mut total: u64 = 0;
+    let mut envelope = Vec::new();
+    let (mut total, mut kept, mut lines) = (0_u64, 0_u64, Lines::default());
     loop {
-        let read = decoded.read_buf(&mut piece).await.map_err(|error| broken(&error, coding))?;
+        let before = piece.len();
+        let read = match &mut form {
+            None => decoded.read_buf(&mut piece).await,
+            Some(_) => {
+                envelope.clear();
+                envelope.reserve(PIECE_OF_FORM);
+                decoded.read_buf(&mut envelope).await
+            }
+        };
+        let read = read.map_err(|error| broken(&error, coding))?;
+        if let Some(form) = &mut form {
+            form.read(&envelope, &mut piece).map_err(bad_form)?;
+        }
         total += read as u64;
-        if total > limits.upload_bytes {
+        kept += (piece.len() - before) as u64;
+        if kept > limits.upload_bytes || total > most(limits, form.as_ref()) {
             return Err(too_large(limits));
         }
+        lines.see(&piece[before..]);
         let ratio = limits.upload_ratio.saturating_mul(encoded.load(Ordering::Relaxed));
         if coding != Coding::Identity && total > FREE.saturating_add(ratio) {
             let detail = format!("more than {} bytes from each encoded one", limits.upload_ratio);
@@ -161,10 +258,11 @@ async fn stage(
             break;
         }
     }
-    if total == 0 {
+    let file_name = form.map(Form::end).transpose().map_err(bad_form)?;
+    if kept == 0 {
         return Err(Problem::new(Kind::EmptyBody, "the body has no bytes, expected those of a file"));
     }
-    Ok(blocking(move || writer.finish()).await?)
+    Ok(Received { staged: blocking(move || writer.finish()).await?, file_name, lines })
 }
 
 async fn write(mut writer: StagedWriter, piece: Vec<u8>) -> Result<(StagedWriter, Vec<u8>), Problem> {

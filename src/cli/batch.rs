@@ -1,6 +1,7 @@
 //! Many queries in one call: a table of directions in, a table of answers out, block by block in flat memory.
 
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::rows::Rows;
 use super::table::{Table, TableFormat};
 use crate::domain::{Direction, Quantity};
@@ -125,6 +126,17 @@ fn sides(material: &Material) -> (bool, bool) {
 }
 
 impl BatchArgs {
+    /// Returns the file for the answers, if there is one.
+    pub(super) fn outputs(&self) -> Option<Outputs> {
+        let path = self.output.clone()?;
+        let (kind, suffixes) = match TableFormat::of(Some(&path), self.format) {
+            TableFormat::Csv => ("a CSV table", vec!["csv", "txt", "dat"]),
+            TableFormat::Npy => ("a NumPy array", vec!["npy"]),
+            TableFormat::F32 => ("a sequence of float32 numbers", vec!["f32", "dat"]),
+        };
+        Some(Outputs { kind, suffixes, paths: vec![path] })
+    }
+
     /// Refuses the options for answers to a table of directions if no table is given, because they have no effect.
     pub(crate) fn check_unused(&self) -> Result<(), Failure> {
         let named = [("--output", self.output.is_some()), ("--format", self.format.is_some())];

@@ -1,16 +1,18 @@
 //! `wavelume color`: the colour of a material.
 
 use super::failure::Failure;
+use super::opened::{Made, Opened};
 use super::output::print_json;
 use super::query::{self, List};
 use super::viewing::ViewingArgs;
 use crate::domain::Direction;
-use crate::preview::{self, Question};
+use crate::preview::{self, Colours, Question};
+use serde::Serialize;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) whose colour is computed
+    /// Material (compressed measurement) whose colour is computed, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Incoming direction: polar angle and azimuth in degrees [default: 0,0, normal incidence]
@@ -31,10 +33,20 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// Colours of a material.
+#[derive(Serialize)]
+struct Answer {
+    #[serde(flatten)]
+    colours: Colours,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compressed_in_memory: Option<Made>,
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let viewing = args.viewing.viewing()?;
-    let material = query::open(&args.material)?;
+    let (material, compressed_in_memory) = Opened::open(&args.material)?;
     let question = Question { index: args.index.as_ref().map(|index| index.0.as_slice()), wi: args.wi, wo: args.wo };
     let colours = preview::colours(&material, &question, &viewing);
-    print_json(&colours.map_err(|error| Failure::from(error).about(&args.material))?)
+    let colours = colours.map_err(|error| Failure::from(error).about(&args.material))?;
+    print_json(&Answer { colours, compressed_in_memory })
 }

@@ -1,6 +1,7 @@
 //! `wavelume combine`: the weighted sum of materials, in the compressed domain where possible.
 
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::input::read_file;
 use super::output::{Sheet, count, per_cent, print, print_json, three_digits, write_file};
 use super::query::{self, List};
@@ -54,6 +55,12 @@ struct Answer<'a> {
     inherited_absolute_error: f64,
     #[serde(flatten)]
     added: &'a ErrorReport,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs::material(&self.output)
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

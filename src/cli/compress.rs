@@ -1,6 +1,7 @@
 //! `wavelume compress`: a measurement → a material and its report.
 
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::input::MeasurementArgs;
 use super::output::{print, print_json, warn, write_file};
 use super::report::compressed_sheet;
@@ -35,6 +36,12 @@ struct Answer<'a> {
     #[serde(flatten)]
     report: &'a Report,
     seconds: f64,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs::material(&self.output)
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

@@ -1,6 +1,7 @@
 //! `wavelume decode`: a material → a dense float32 array with its manifest.
 
 use super::failure::Failure;
+use super::guard::{Outputs, manifest_of_array, marks_of_array};
 use super::input::read_file;
 use super::output::{Sheet, count, print, print_json, write_file};
 use super::report::{axes_lines, coverage_lines};
@@ -35,6 +36,12 @@ pub(crate) struct Args {
     json: bool,
 }
 
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs::array(&self.output)
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let measurement = match args.incoming {
         Some(block) => decode_slice(&args.material, block, &args.threads)?,
@@ -44,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Decodes the material in the file `path` at the resolution `level`; `None` stands for the finest level.
-pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
+fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decode = || level.map_or_else(|| compress::decode(&bytes), |level| compress::decode_level(&bytes, level));
     let whole = || decode().and_then(Decoded::whole);
@@ -93,9 +100,9 @@ pub(crate) fn write_marked(
     let bytes = formats::write_npy(&shape, measurement.tensor.samples());
     drop(measurement);
     write_file(path, &bytes)?;
-    let beside = path.with_extension("axes.json");
+    let beside = manifest_of_array(path);
     write_file(&beside, format!("{manifest}\n").as_bytes())?;
-    let marks = (!filled.is_empty()).then(|| path.with_extension("filled.npy"));
+    let marks = (!filled.is_empty()).then(|| marks_of_array(path));
     if let Some(marks) = &marks {
         let directions = if axes_are_spectral { &shape[..shape.len() - 1] } else { &shape[..] };
         let values: Vec<f32> = filled.iter().map(|&filled| f32::from(u8::from(filled))).collect();

@@ -3,6 +3,8 @@
 use super::batch::{BatchArgs, Queries};
 use super::declared::{argument, declared_args, refusal, stated};
 use super::failure::Failure;
+use super::guard::Outputs;
+use super::opened::{Made, Opened};
 use super::output::print_json;
 use super::query::{self, List};
 use super::request::ThreadsArgs;
@@ -15,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) to evaluate
+    /// Material (compressed measurement) to evaluate, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Incoming direction: polar angle and azimuth in degrees, for quantities that have one
@@ -82,10 +84,18 @@ struct Answer {
     /// True if the polar angle of the incoming direction exceeds the largest measured one.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     extrapolated: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compressed_in_memory: Option<Made>,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Option<Outputs> {
+        self.batch.outputs()
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let material = query::open(&args.material)?;
+    let (material, compressed_in_memory) = args.threads.run(|| Opened::open(&args.material))??;
     let about = |error| Failure::from(error).about(&args.material);
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
     let place = Place { index, wi: args.wi, wo: args.wo };
@@ -98,11 +108,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let Some(List(wavelengths)) = &args.wavelengths else {
         let mut values = vec![0.0; material.lambdas()];
         material.evaluate(place, how, &mut values).map_err(about)?;
-        return print_json(&Answer { wavelengths: material.wavelengths(), values, unit, extrapolated });
+        let wavelengths = material.wavelengths();
+        return print_json(&Answer { wavelengths, values, unit, extrapolated, compressed_in_memory });
     };
     let mut values = vec![0.0; wavelengths.len()];
     material.at_wavelengths(place, how, beyond, wavelengths, &mut values).map_err(about)?;
-    print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit, extrapolated })
+    let wavelengths = Some(wavelengths.clone());
+    print_json(&Answer { wavelengths, values, unit, extrapolated, compressed_in_memory })
 }
 
 /// Evaluates one spectrum for each row of a table of directions.

@@ -1,11 +1,12 @@
 //! `wavelume export`: a material in an exchange format.
 
 use super::declared::{all_stated, argument, declared_args, refusal};
-use super::decode::decode;
 use super::failure::Failure;
-use super::input::read_file;
+use super::guard::{Outputs, manifest_of_array};
+use super::opened::Opened;
 use super::output::{Sheet, count, per_cent, print, print_json, write_file};
 use super::request::ThreadsArgs;
+use crate::compress::{self, Decoded};
 use crate::domain::{Axis, Declared};
 use crate::evaluate::Material;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
@@ -18,7 +19,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) to export
+    /// Material (compressed measurement) to export, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     #[arg(long, value_parser = format, help = export::format_help())]
@@ -67,13 +68,29 @@ fn format(name: &str) -> Result<ExportFormat, String> {
     ExportFormat::of_name(name).map_err(|error| error.to_string())
 }
 
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        if self.format.takes_samples() {
+            return Outputs::array(&self.output);
+        }
+        // Any text may be named .txt.
+        let suffixes = vec![self.format.extension(), "txt"];
+        Outputs { kind: self.format.name(), suffixes, paths: vec![self.output.clone()] }
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let options = &args.options.0;
     let about = |failure: Failure| failure.about(&args.material);
     let mut answer = json!({ "output": args.output.display().to_string() });
     let mut beside = None;
+    let Opened { bytes, made } = args.threads.run(|| Opened::read(&args.material))??;
+    if let Some(made) = made {
+        answer["compressed_in_memory"] = json!(made);
+    }
     let Exported { bytes, about: summary } = if args.format.takes_samples() {
-        let measurement = decode(&args.material, None, &args.threads)?;
+        let decoded = args.threads.run(|| compress::decode(&bytes).and_then(Decoded::whole))?;
+        let measurement = decoded.map_err(|error| about(error.into()))?;
         let exported = export::samples(&measurement, args.format, options).map_err(|error| about(error.into()))?;
         let axes = measurement.tensor.axes();
         answer["quantity"] = json!(measurement.quantity);
@@ -81,10 +98,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         answer["axes"] = axes.iter().map(Axis::describe).collect();
         answer["samples"] = json!(measurement.tensor.len());
         answer["masked_samples"] = json!(measurement.tensor.masked());
-        beside = Some((args.output.with_extension("axes.json"), manifest_of(&measurement)));
+        beside = Some((manifest_of_array(&args.output), manifest_of(&measurement)));
         exported
     } else {
-        let bytes = read_file(&args.material)?;
         let work = || {
             let reason = match export_on_grid(&bytes, args.format, options).map_err(Failure::from)? {
                 OnGrid::File(file) => return Ok(*file),

@@ -41,11 +41,10 @@ impl MeasurementArgs {
     }
 
     fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
-        let manifest = match self.reading.axes() {
-            Some(path) => Some(path.to_owned()),
-            None => manifest_beside(&self.input).filter(|path| path.exists()),
+        let axes = match self.reading.axes() {
+            Some(path) => Some(read_manifest(path)?),
+            None => read_manifest_beside(&self.input)?,
         };
-        let axes = manifest.as_deref().map(read_manifest).transpose()?;
         Ok(Interpretation { axes, wavelengths, ..self.reading.stated().clone() })
     }
 }
@@ -71,6 +70,11 @@ impl Loaded {
 /// Reads a whole file. A file larger than [`MAX_FILE_BYTES`] is refused.
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     read_within(path, MAX_FILE_BYTES)
+}
+
+/// Reads the manifest beside an array; `None` for other files and for an array without one.
+pub(crate) fn read_manifest_beside(array: &Path) -> Result<Option<serde_json::Value>, Failure> {
+    manifest_beside(array).filter(|path| path.exists()).as_deref().map(read_manifest).transpose()
 }
 
 fn read_manifest(path: &Path) -> Result<serde_json::Value, Failure> {

@@ -22,6 +22,7 @@ mod failure;
 mod formats;
 mod fsck;
 mod gc;
+mod guard;
 mod health;
 mod input;
 mod inspect;
@@ -34,6 +35,7 @@ mod listen;
 mod log;
 mod migrate;
 mod openapi;
+mod opened;
 mod output;
 mod paper;
 mod physics;
@@ -69,6 +71,7 @@ use crate::catalog::without_password;
 use crate::trust::without_secrets;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use config_file::ConfigFile;
+use guard::Outputs;
 use site::UMASK;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -89,6 +92,9 @@ pub struct Cli {
     /// command that makes nothing there.
     #[arg(skip)]
     umask: Option<Umask>,
+    /// Files that the command reads, and must not write.
+    #[arg(skip)]
+    inputs: Vec<PathBuf>,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -167,6 +173,25 @@ enum Command {
     ComputeJob,
 }
 
+impl Command {
+    /// Returns the files that the command writes. Commands that fill a data directory or a backup compare these places
+    /// themselves.
+    fn outputs(&self) -> Option<Outputs> {
+        match self {
+            Self::Compress(args) => Some(args.outputs()),
+            Self::Project(args) => Some(args.outputs()),
+            Self::Decode(args) => Some(args.outputs()),
+            Self::Evaluate(args) => args.outputs(),
+            Self::Sample(args) => args.outputs(),
+            Self::Preview(args) => Some(args.outputs()),
+            Self::Reflectance(args) => Some(args.outputs()),
+            Self::Export(args) => Some(args.outputs()),
+            Self::Combine(args) => Some(args.outputs()),
+            _ => None,
+        }
+    }
+}
+
 /// Command line after parsing: a command to run, or a text to show.
 #[derive(Debug)]
 pub enum Parsed {
@@ -198,6 +223,7 @@ impl Cli {
             Err(error) => return shown(error),
         };
         cli.umask = given(&matches, UMASK);
+        cli.inputs = guard::inputs(&matches);
         if let (Command::Config(args), Some((_, matches))) = (&mut cli.command, matches.subcommand()) {
             args.fill_in(matches, &keys, file.as_ref());
         }
@@ -218,6 +244,9 @@ impl Cli {
     pub fn run(self) -> Result<(), Failure> {
         if let Some(umask) = self.umask {
             umask.set();
+        }
+        if let Some(outputs) = self.command.outputs() {
+            outputs.check(&self.inputs)?;
         }
         match self.command {
             Command::Compress(args) => compress::run(&args),

@@ -119,6 +119,11 @@ pub(crate) fn warn(message: &str) {
     let _ = writeln!(std::io::stderr(), "wavelume: warning: {}", one_line(message));
 }
 
+/// Prints a one-line note on stderr. A closed stderr is ignored.
+pub(crate) fn note(message: &str) {
+    let _ = writeln!(std::io::stderr(), "wavelume: note: {}", one_line(message));
+}
+
 /// Prints `value` as one line of JSON.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let mut text = serde_json::to_string(value).map_err(Failure::failed)?;

@@ -1,8 +1,8 @@
 //! `wavelume physics`: the energy, flux and reciprocity of a material.
 
 use super::failure::Failure;
+use super::opened::{Made, Opened};
 use super::output::{Sheet, count, per_cent, print, print_json, three_digits};
-use super::query;
 use super::report::axes_lines;
 use crate::domain::{Axis, DEFAULT_ERROR, Quantity, Unit};
 use crate::evaluate::physics::{
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) to check
+    /// Material (compressed measurement) to check, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Print the report as one line of JSON, with the albedo of every incoming direction
@@ -30,11 +30,14 @@ struct Answer {
     axes: Vec<String>,
     energy: EnergyReport,
     reciprocity: Option<ReciprocityReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compressed_in_memory: Option<Made>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let material = query::open(&args.material)?;
+    let (material, compressed_in_memory) = Opened::open(&args.material)?;
     let answer = Answer::of(&material).map_err(|error| Failure::from(error).about(&args.material))?;
+    let answer = Answer { compressed_in_memory, ..answer };
     if args.json {
         return print_json(&answer);
     }
@@ -50,6 +53,7 @@ impl Answer {
             axes: material.axes().iter().map(Axis::describe).collect(),
             energy: material.energy()?,
             reciprocity: if has_two_ways { Some(material.reciprocity()?) } else { None },
+            compressed_in_memory: None,
         })
     }
 

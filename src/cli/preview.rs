@@ -1,6 +1,8 @@
 //! `wavelume preview`: a picture of a material.
 
 use super::failure::Failure;
+use super::guard::Outputs;
+use super::opened::Opened;
 use super::output::write_file;
 use super::query::{self, List};
 use super::request::ThreadsArgs;
@@ -10,7 +12,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) to show in the picture
+    /// Material (compressed measurement) to show in the picture, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// PNG picture to write; an existing file is replaced as a whole
@@ -29,11 +31,17 @@ pub(crate) struct Args {
     threads: ThreadsArgs,
 }
 
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs { kind: "a PNG picture", suffixes: vec!["png"], paths: vec![self.output.clone()] }
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let viewing = args.viewing.viewing()?;
     let index = args.index.as_ref().map(|index| index.0.as_slice());
     let picture = args.threads.run(|| {
-        let material = query::open(&args.material)?;
+        let (material, _) = Opened::open(&args.material)?;
         let picture = preview::picture(&material, index, &viewing, args.size);
         picture.map_err(|error| Failure::from(error).about(&args.material))
     })??;

@@ -2,6 +2,7 @@
 
 use super::decode::write_marked;
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::input::MeasurementArgs;
 use super::request::{RequestArgs, ThreadsArgs};
 use crate::pipeline;
@@ -24,6 +25,12 @@ pub(crate) struct Args {
     /// Print a report on the written files as one line of JSON
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        Outputs::array(&self.output)
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

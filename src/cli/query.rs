@@ -1,11 +1,7 @@
 //! Parsers of queries: directions in degrees, indices, wavelengths.
 
-use super::failure::Failure;
-use super::input::read_file;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Direction, WavelengthGrid};
-use crate::evaluate::Material;
-use std::path::Path;
 
 /// List that is the value of one command-line option. The option parser would take a bare `Vec` for a repeated option.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,12 +45,6 @@ pub(crate) fn wavelengths(text: &str) -> Result<List<f64>, String> {
     let values = values.map_err(|_| refused())?;
     let fits = values.len() <= MAX_WAVELENGTHS && values.iter().all(|v| v.is_finite() && *v > 0.0);
     if fits { Ok(List(values)) } else { Err(refused()) }
-}
-
-/// Opens the material in `path`.
-pub(crate) fn open(path: &Path) -> Result<Material, Failure> {
-    let bytes = read_file(path)?;
-    Material::open(&bytes).map_err(|error| Failure::from(error).about(path))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::decode;
 use super::failure::Failure;
+use super::guard::Outputs;
 use super::input::read_file;
 use super::output::{Sheet, count, print, print_json, three_digits, write_file};
 use super::report::{axes_lines, error_lines};
@@ -42,6 +43,17 @@ enum Which {
     Transmitted,
 }
 
+impl Args {
+    pub(super) fn outputs(&self) -> Outputs {
+        if self.is_array() { Outputs::array(&self.output) } else { Outputs::material(&self.output) }
+    }
+
+    /// Returns true if the name of the output asks for an array.
+    fn is_array(&self) -> bool {
+        self.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"))
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let about = |failure: Failure| failure.about(&args.material);
     let bytes = read_file(&args.material)?;
@@ -52,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Which::Transmitted => Side::Transmitted,
     };
     let reflectance = material.reflectance(side).map_err(|error| about(error.into()))?;
-    if args.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy")) {
+    if args.is_array() {
         return decode::write_array(&args.output, reflectance, None, args.json);
     }
     let settings =

@@ -2,6 +2,8 @@
 
 use super::batch::{BatchArgs, Queries};
 use super::failure::Failure;
+use super::guard::Outputs;
+use super::opened::{Made, Opened};
 use super::output::print_json;
 use super::query::{self, List};
 use crate::domain::Direction;
@@ -16,7 +18,7 @@ const MAX_DIRECTIONS: u64 = 10_000_000;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) to draw directions from
+    /// Material (compressed measurement) to draw directions from, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Incoming direction: polar angle and azimuth in degrees, for quantities that have one
@@ -57,10 +59,18 @@ struct Answer {
     directions: Vec<Option<[f64; 2]>>,
     pdf: Vec<f64>,
     weight: Vec<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compressed_in_memory: Option<Made>,
+}
+
+impl Args {
+    pub(super) fn outputs(&self) -> Option<Outputs> {
+        self.batch.outputs()
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let material = query::open(&args.material)?;
+    let (material, made) = Opened::open(&args.material)?;
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
     if let Some(table) = &args.directions {
         let names = ["theta_o", "phi_o", "pdf", "weight"].map(str::to_owned).to_vec();
@@ -79,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     args.batch.check_unused()?;
     let mut random = Pcg64Mcg::seed_from_u64(args.seed);
-    let mut answer = Answer::default();
+    let mut answer = Answer { compressed_in_memory: made, ..Answer::default() };
     for _ in 0..args.count.unwrap_or(0) {
         let u = [half_open(&mut random), half_open(&mut random)];
         let drawn = material.sample(index, args.wi, u, args.level);

@@ -19,6 +19,21 @@ pub(crate) enum TableFormat {
     F32,
 }
 
+impl TableFormat {
+    /// Returns the format that the user states, or the one of the extension of the file `output`.
+    pub(crate) fn of(output: Option<&Path>, stated: Option<Self>) -> Self {
+        let has = |wanted: &str| {
+            output.and_then(Path::extension).is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+        };
+        match stated {
+            Some(stated) => stated,
+            None if has("npy") => Self::Npy,
+            None if has("f32") => Self::F32,
+            None => Self::Csv,
+        }
+    }
+}
+
 /// Table of computed values that is being written to a file or to standard output.
 pub(crate) struct Table {
     sink: Sink,
@@ -41,12 +56,7 @@ impl Table {
     /// Starts a table with the columns `names` in the file `output`, or on stdout. Without a format, the extension of
     /// the file decides.
     pub(crate) fn new(output: Option<&Path>, format: Option<TableFormat>, names: &[String]) -> Result<Self, Failure> {
-        let extension = output.and_then(Path::extension).and_then(|extension| extension.to_str());
-        let format = format.unwrap_or(match extension {
-            Some("npy") => TableFormat::Npy,
-            Some("f32") => TableFormat::F32,
-            _ => TableFormat::Csv,
-        });
+        let format = TableFormat::of(output, format);
         let sink = match output {
             None if format == TableFormat::Npy => {
                 return Err(Failure::usage(

@@ -7,39 +7,38 @@ use crate::domain::Tensor;
 use crate::domain::colour::{Illuminant, StandardObserver};
 use crate::formats::{self, Interpretation, Samples};
 use crate::preview::Viewing;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ViewingArgs {
     /// Illuminant: A, B, C, D50, D65, F11 or E, or a file with its spectrum: a table or a material [default: D65]
     #[arg(long, value_name = "NAME|FILE")]
-    illuminant: Option<String>,
+    illuminant: Option<PathBuf>,
     /// Column of the illuminant in the table of --illuminant, by name or by number from 1
     #[arg(long, value_name = "COLUMN", requires = "illuminant")]
     illuminant_column: Option<String>,
     /// CIE standard observer: 1931 (2 degrees) or 1964 (10 degrees), or a file with the columns wavelength, x, y, z
     /// [default: 1931]
     #[arg(long, value_name = "NAME|FILE")]
-    observer: Option<String>,
+    observer: Option<PathBuf>,
 }
 
 impl ViewingArgs {
     /// Builds the illuminant and the observer for computing colours, from known names or from files.
     pub(crate) fn viewing(&self) -> Result<Viewing, Failure> {
-        let known_observer = self.observer.as_deref().map(str::parse::<StandardObserver>);
-        let known_light = self.illuminant.as_deref().map(str::parse::<Illuminant>);
-        let observer = known_observer.as_ref().and_then(|name| name.as_ref().ok());
-        let light = known_light.as_ref().and_then(|name| name.as_ref().ok());
-        let mut viewing = Viewing::standard(light.copied().unwrap_or_default(), observer.copied().unwrap_or_default());
-        if let (Some(name), None) = (&self.observer, observer) {
-            let table = table(name, "observer", StandardObserver::ALL.iter().map(|o| o.name()))?;
-            viewing = viewing.seen_by(&shown(name), &table).map_err(|e| Failure::usage(e).about(Path::new(name)))?;
+        let observer: Option<StandardObserver> = self.observer.as_deref().and_then(named);
+        let light: Option<Illuminant> = self.illuminant.as_deref().and_then(named);
+        let mut viewing = Viewing::standard(light.unwrap_or_default(), observer.unwrap_or_default());
+        if let (Some(file), None) = (&self.observer, observer) {
+            let table = table(file, "observer", StandardObserver::ALL.iter().map(|o| o.name()))?;
+            viewing = viewing.seen_by(&shown(file), &table).map_err(|e| Failure::usage(e).about(file))?;
         }
         match (&self.illuminant, light) {
-            (Some(name), None) => {
-                let table = table(name, "illuminant", Illuminant::ALL.iter().map(|i| i.name()))?;
+            (Some(file), None) => {
+                let table = table(file, "illuminant", Illuminant::ALL.iter().map(|i| i.name()))?;
                 let column = self.illuminant_column.as_deref();
-                viewing.under(&shown(name), &table, column).map_err(|e| Failure::usage(e).about(Path::new(name)))
+                viewing.under(&shown(file), &table, column).map_err(|e| Failure::usage(e).about(file))
             }
             (Some(_), Some(light)) if self.illuminant_column.is_some() => {
                 Err(Failure::usage(format!("--illuminant-column was given, but {light} is no table")))
@@ -49,12 +48,16 @@ impl ViewingArgs {
     }
 }
 
-/// Reads the spectral table of an illuminant or observer from the file `name`; refuses a name that is neither known nor
+/// Returns the illuminant or observer that the value of an option names; `None` if it is a file.
+fn named<T: FromStr>(name: &Path) -> Option<T> {
+    name.to_str()?.parse().ok()
+}
+
+/// Reads the spectral table of an illuminant or observer from the file `path`; refuses a name that is neither known nor
 /// a file.
-fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> Result<Tensor, Failure> {
-    let path = Path::new(name);
+fn table(path: &Path, what: &str, known: impl Iterator<Item = &'static str>) -> Result<Tensor, Failure> {
     if !path.exists() {
-        let known = known.collect::<Vec<_>>().join(", ");
+        let (name, known) = (path.display(), known.collect::<Vec<_>>().join(", "));
         return Err(Failure::usage(format!("unknown {what} `{name}`, expected one of {known}, or a file")));
     }
     let bytes = read_file(path)?;
@@ -72,6 +75,6 @@ fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> R
 }
 
 /// Returns the file's name without its directories, for reports.
-fn shown(name: &str) -> String {
-    Path::new(name).file_name().map_or_else(|| name.to_owned(), |file| file.to_string_lossy().into_owned())
+fn shown(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

@@ -3,6 +3,7 @@
 //! A backup is a directory or S3 prefix with the text `wavelume-backup` and objects under their digests: those of the
 //! service, and the tables of the catalog as compressed files. Later backups to the same place add what is missing.
 
+use super::apart::containing;
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Dump, Table, blocking};
 use super::fetch::{Lost, Stored, Tally, UNREADABLE, fetch_each, stored};
@@ -12,7 +13,7 @@ use futures::TryStreamExt;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::mem;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -181,28 +182,14 @@ impl Archive {
     /// Refuses a backup into the data directory, or into the directory of the store: it would be lost together with the
     /// original, and its files would be taken for those of the service.
     fn refuse_own(&self, directory: &Path) -> Result<(), ArchiveError> {
-        let absolute = std::path::absolute(directory)
+        let own = std::iter::once(self.data.as_path()).chain(self.places().1.directory());
+        let own = containing(directory, own)
             .map_err(|source| ArchiveError::Directory { directory: directory.to_owned(), source })?;
-        let mut to = PathBuf::new();
-        for part in absolute.components() {
-            if part == Component::ParentDir {
-                to.pop();
-            } else {
-                to.push(part);
-                // An existing part may be a link.
-                to = to.canonicalize().unwrap_or(to);
-            }
-        }
-        let (_, store) = self.places();
-        let store = match store {
-            Place::Directory(store) => store.canonicalize().ok(),
-            Place::S3 { .. } => None,
-        };
-        match [Some(&self.data), store.as_ref()].into_iter().flatten().find(|own| to.starts_with(own)) {
+        match own {
             None => Ok(()),
             Some(own) => Err(ArchiveError::Copy(format!(
                 "{} lies in {}, which the backup is to copy: choose a place outside, best on another disk",
-                to.display(),
+                directory.display(),
                 own.display()
             ))),
         }

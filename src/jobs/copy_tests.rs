@@ -7,11 +7,12 @@ use super::publish::Published;
 use super::publish::tests::stored;
 use super::site::Site;
 use super::site::tests::sites;
-use crate::catalog::{Deleted, Ended, Ending, JobState, MaterialFilter, NewJob, NewMaterial, Priority};
+use crate::catalog::{Database, Deleted, Ended, Ending, JobState, MaterialFilter, NewJob, NewMaterial, Priority};
 use crate::domain::Quantity;
 use crate::store::{Digest, FOLDER, Object, Place, contract};
 use futures::TryStreamExt;
 use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -275,6 +276,64 @@ async fn a_place_that_is_used_is_refused() {
         let error = Archive::restore(&Site::new(served.path()), &place, false).await.unwrap_err().to_string();
         assert!(error.contains("1 nodes or workers use") && !served.path().join("catalog.sqlite").exists(), "{error}");
     }
+}
+
+/// Returns the paths of all files and directories in a directory.
+fn paths(directory: &Path) -> BTreeSet<PathBuf> {
+    let mut found = BTreeSet::new();
+    for entry in std::fs::read_dir(directory).unwrap() {
+        let entry = entry.unwrap();
+        if entry.file_type().unwrap().is_dir() {
+            found.extend(paths(&entry.path()));
+        }
+        found.insert(entry.path());
+    }
+    found
+}
+
+#[tokio::test]
+async fn no_copy_is_written_into_what_it_reads() {
+    let top = tempfile::tempdir().unwrap();
+    let at = |name: &str| top.path().join(name);
+    std::fs::create_dir(at("data")).unwrap();
+    let archive = Archive::serve(&Site::new(at("data"))).await.unwrap();
+    let backup = Place::Directory(at("backup"));
+    archive.backup(&backup, false).await.unwrap();
+    for (link, original) in [("data link", "data"), ("backup link", "backup")] {
+        std::os::unix::fs::symlink(original, at(link)).unwrap();
+    }
+    std::fs::hard_link(at("data/catalog.sqlite"), at("hard link.sqlite")).unwrap();
+    let before = paths(top.path());
+    let file = |name: &str| Some(Database::File(at(name)));
+    let refused = |failure: ArchiveError, reason: &str| {
+        let message = failure.to_string();
+        assert!(matches!(failure, ArchiveError::Copy(_)) && message.contains(reason), "{message}");
+        assert_eq!(paths(top.path()), before, "{message}");
+    };
+    for own in ["data", "data/new", "data link", "data link/new"] {
+        let place = Place::Directory(at(own));
+        refused(archive.backup(&place, false).await.unwrap_err(), "which the backup is to copy");
+        let site = Site { store: Some(place), database: file("new.sqlite"), ..Site::new(at("new")) };
+        refused(archive.relocate(&site).await.unwrap_err(), "which is moved and only read");
+        refused(archive.relocate(&Site::new(at(own))).await.unwrap_err(), "which is moved and only read");
+    }
+    for own in ["data link/catalog.sqlite", "hard link.sqlite"] {
+        let site = Site { database: file(own), ..Site::new(at("new")) };
+        refused(archive.relocate(&site).await.unwrap_err(), "which is moved and only read");
+    }
+    for own in ["backup", "backup/new", "backup link", "backup link/new"] {
+        let new = Site::new(at("new"));
+        let store = Some(Place::Directory(at(own)));
+        let database = file(&format!("{own}/catalog.sqlite"));
+        for site in [Site::new(at(own)), Site { store, ..new.clone() }, Site { database, ..new }] {
+            refused(Archive::restore(&site, &backup, false).await.unwrap_err(), "holds a backup and is only read");
+        }
+    }
+    // Places beside the original are taken, also of a service that keeps its data directory.
+    let beside =
+        Site { store: Some(Place::Directory(at("store"))), database: file("new.sqlite"), ..Site::new(at("data")) };
+    archive.relocate(&beside).await.unwrap();
+    Archive::restore(&Site::new(at("new")), &backup, false).await.unwrap();
 }
 
 #[tokio::test]

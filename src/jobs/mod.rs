@@ -1,5 +1,6 @@
 //! Work that outlives a request: queue, leases, workers. Each kind of job has a file of its own.
 
+mod apart;
 mod archive;
 mod attempt;
 mod backup;
@@ -66,6 +67,7 @@ pub use fsck::{Check, Fault, FsckReport};
 pub use site::Site;
 pub use sweep::SweepReport;
 
+pub(crate) use apart::Identity;
 pub(crate) use blobs::BlobError;
 pub(crate) use child::compute_job;
 pub(crate) use clock::{DAY, date, days, unix_seconds};

@@ -1,5 +1,6 @@
 //! Move of a service to another database and store: a copy without a backup in between.
 
+use super::apart::containing;
 use super::archive::{Archive, ArchiveError};
 use super::backup::Hold;
 use super::dump::Dump;
@@ -15,6 +16,7 @@ impl Archive {
     /// Fills an empty service with the catalog and the stored bytes of `self`, which keeps both. The original must not
     /// be written to meanwhile: if it is, the copy is brought up to date, and given up in the end.
     pub(crate) async fn relocate(&self, site: &Site) -> Result<CopyReport, ArchiveError> {
+        self.refuse_itself(site)?;
         let original = format!("the catalog {}", self.catalog.instance().await?);
         refuse_served(&self.data).await?;
         let archive = Self::to_fill(site, &original).await?;
@@ -46,5 +48,25 @@ impl Archive {
              far are kept",
             sum.copied_blobs + sum.there_blobs
         )))
+    }
+
+    /// Refuses to move a service to its own database file or into its own store.
+    fn refuse_itself(&self, site: &Site) -> Result<(), ArchiveError> {
+        let (database, store) = (site.database(&site.data), site.store(&site.data));
+        let own = self.places();
+        let pairs = [(store.directory(), own.1.directory()), (database.file(), own.0.file())];
+        for (to, own) in pairs.into_iter().filter_map(|(to, own)| to.zip(own)) {
+            let found = containing(to, [own]);
+            let found = found.map_err(|source| ArchiveError::Directory { directory: to.to_owned(), source })?;
+            if found.is_some() {
+                return Err(ArchiveError::Copy(format!(
+                    "{} would be written into {}, which is moved and only read: choose another --data, --database and \
+                     --store",
+                    to.display(),
+                    own.display()
+                )));
+            }
+        }
+        Ok(())
     }
 }

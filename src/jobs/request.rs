@@ -17,7 +17,7 @@ pub(crate) enum CompressKind {
     Compress,
 }
 
-/// Request to compress a measurement; every field except `measurement` and `target` has a default.
+/// Request to compress a measurement; every field except `measurement` has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CompressRequest {
@@ -87,6 +87,7 @@ pub(super) fn check_names(name: Option<&String>, licence: Option<&String>, tags:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     fn parse(extra: &str) -> Result<CompressRequest, serde_json::Error> {
         let measurement = Digest::of(b"");
@@ -97,6 +98,8 @@ mod tests {
     fn defaults_are_those_of_the_command_line() {
         let request = parse("").unwrap();
         assert_eq!(request.options, Request::er_l2(0.01));
+        let measurement = json!({ "measurement": request.measurement });
+        assert_eq!(serde_json::from_value::<CompressRequest>(measurement).unwrap(), request);
         let text = serde_json::to_string(&request).unwrap();
         assert_eq!(serde_json::from_str::<CompressRequest>(&text).unwrap(), request);
     }

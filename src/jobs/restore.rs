@@ -1,5 +1,6 @@
 //! Restoring of a backup into an empty service.
 
+use super::apart::containing;
 use super::archive::{Archive, ArchiveError, BACKUP};
 use super::backup::{STALE, kept, manifest};
 use super::dump::{Dump, blocking};
@@ -14,6 +15,7 @@ impl Archive {
     /// with the same places, and goes on, also with a newer backup of the same catalog. Files that were whole when the
     /// backup was made and are faulty now end the restore, unless `accept_lost`.
     pub(crate) async fn restore(site: &Site, from: &Place, accept_lost: bool) -> Result<CopyReport, ArchiveError> {
+        refuse_backup(site, from)?;
         let absent = || ArchiveError::Copy(format!("found no {BACKUP} in {from}, expected the place of a backup"));
         let store = from.open_to_read()?.ok_or_else(absent)?;
         let manifest = manifest(&store, from).await?.ok_or_else(absent)?;
@@ -60,6 +62,25 @@ impl Archive {
         archive.give_away().await?;
         Ok(CopyReport { instance: archive.catalog.instance().await?, rows: dump.rows(), files })
     }
+}
+
+/// Refuses to restore a backup into its own directory, in which nothing may be written.
+fn refuse_backup(site: &Site, from: &Place) -> Result<(), ArchiveError> {
+    let Some(backup) = from.directory() else { return Ok(()) };
+    let (database, store) = (site.database(&site.data), site.store(&site.data));
+    let places = [Some(site.data.as_path()), database.file(), store.directory()];
+    for place in places.into_iter().flatten() {
+        let found = containing(place, [backup]);
+        let found = found.map_err(|source| ArchiveError::Directory { directory: place.to_owned(), source })?;
+        if found.is_some() {
+            return Err(ArchiveError::Copy(format!(
+                "{} would be written into {}, which holds a backup and is only read: choose a place outside",
+                place.display(),
+                backup.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Returns a directory for temporary files in the data directory of a site, without what a killed restore has left.

@@ -42,6 +42,14 @@ impl Place {
         Ok((store, Staging::new(staging)))
     }
 
+    /// Returns the path of a store that is a directory, or `None` for S3.
+    pub(crate) fn directory(&self) -> Option<&Path> {
+        match self {
+            Self::Directory(root) => Some(root),
+            Self::S3 { .. } => None,
+        }
+    }
+
     /// Returns the directory for temporary files: in the directory of the store, or inside `scratch` if the store is in
     /// S3.
     pub(crate) fn staging(&self, scratch: &Path) -> PathBuf {

@@ -213,7 +213,7 @@ def refusals(binary, scratch):
         refused(run(binary, "inspect", path), f"inspect {name}")
         refused(run(binary, "compress", path, "-o", out), f"compress {name}")
         check(not os.path.exists(out), f"compress {name}: left a file behind")
-    refused(run(binary, "decode", os.path.join(ROOT, "README.md"), "-o", out), "decode README.md")
+    refused(run(binary, "decode", os.path.join(ROOT, "README.md"), "-o", os.path.join(scratch, "refused.npy")), "decode README.md")
     print(f"  {len(paths)} malformed, hostile and missing files")
 
 

@@ -7,7 +7,7 @@ use crate::api::extract::{declared_length, linger};
 use crate::api::problem::{Kind, Problem};
 use crate::api::schemas::UploadIdText;
 use crate::api::state::App;
-use crate::api::upload::{self, Lost};
+use crate::api::upload::{self, Lines, Lost, Received};
 use crate::catalog::Held;
 use crate::jobs::{BlobError, Client, Holding};
 use crate::store::Staged;
@@ -35,7 +35,7 @@ pub(crate) async fn receive(
     app: &App,
     upload: Option<&str>,
     request: Request,
-) -> Result<(Staged, Option<Used>), Problem> {
+) -> Result<(Received, Option<Used>), Problem> {
     let Some(id) = upload else { return Ok((upload::receive(app, request).await?, None)) };
     if declared_length(request.headers()).is_some_and(|length| length > 0) {
         linger(request).await;
@@ -48,7 +48,10 @@ pub(crate) async fn receive(
         Held::Busy | Held::Elsewhere(_) | Held::Now(_) => locked(id),
     })?;
     match staged(app, client, &holding, request).await {
-        Ok(staged) => Ok((staged, Some(Used(holding)))),
+        Ok(staged) => {
+            let used = Used(holding);
+            Ok((Received { staged, file_name: used.stated("filename"), lines: Lines::KEPT }, Some(used)))
+        }
         Err(problem) => {
             holding.release().await;
             Err(problem)
@@ -76,7 +79,7 @@ async fn staged(app: &App, client: Client, holding: &Holding, request: Request) 
 
 impl Used {
     /// Returns the text under `name` in the metadata that the client has sent with the upload.
-    pub(crate) fn stated(&self, name: &str) -> Option<String> {
+    fn stated(&self, name: &str) -> Option<String> {
         headers::stated(&self.0.partial.metadata, name)
     }
 

@@ -141,7 +141,7 @@ fn exports_state_their_error_and_refusals_name_what_fits() {
     assert!(shown.contains("error added  er(L2) ") && shown.contains("the spectrum at 10,000 pairs"), "{shown}");
     let again = json(&["inspect", &out, "--json"]);
     assert_eq!((&again["format"], &again["quantity"]), (&"rgl".into(), &"brdf".into()));
-    let refusal = refused(2, &["export", &made, "--format", "merl", "-o", &out]);
+    let refusal = refused(2, &["export", &made, "--format", "merl", "-o", &at(&dir, "m.binary")]);
     assert!(refusal.trim_end().ends_with("it can be written as rgl or npy"), "{refusal}");
     assert!(refused(2, &["export", &made, "--format", "axf", "-o", &out]).contains("expected one of rgl, merl"));
     assert!(

@@ -73,8 +73,9 @@ fn malformed_files_are_exit_code_1_and_one_line() {
         refused(1, &["inspect", &path]);
         refused(1, &["compress", &path, "-o", &out]);
     }
-    refused(1, &["decode", &at(&dir, "brdf.npy"), "-o", &out]);
-    refused(1, &["evaluate", &at(&dir, "brdf.npy"), "--wo", "0,0"]);
+    refused(1, &["decode", &at(&dir, "brdf.npy"), "-o", &at(&dir, "t.npy")]);
+    refused(1, &["dot", &at(&dir, "brdf.npy"), &at(&dir, "brdf.npy")]);
+    refused(1, &["evaluate", &at(&dir, "prose.txt"), "--wo", "0,0"]);
     assert!(!Path::new(&out).exists());
 }
 

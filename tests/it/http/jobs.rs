@@ -198,6 +198,21 @@ async fn job_bodies_are_checked() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_job_without_a_target_promises_one_per_cent() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let id = service.upload("", D65).await["id"].clone();
+    let job = service.compress(&json!({ "measurement": id })).await;
+    let stated = service.compress(&json!({ "measurement": id, "target": { "er_l2": 0.01 } })).await;
+    assert_eq!((&job["state"], &job["material"]), (&json!("succeeded"), &stated["material"]));
+    let path = format!("/v1/materials/{}", job["material"].as_str().unwrap());
+    let material: Value = service.get(&path).send().await.unwrap().json().await.unwrap();
+    assert_eq!(material["provenance"]["request"]["target"], json!({ "er_l2": 0.01 }), "{material}");
+    assert!(material["er_l2"].as_f64().unwrap() <= 0.01, "{material}");
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_report_on_the_papers_tables_is_a_job() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;

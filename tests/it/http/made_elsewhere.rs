@@ -42,6 +42,16 @@ async fn a_material_of_elsewhere_is_used_like_any_other() {
     assert_eq!(provenance["content_digest"], Digest::of(LAMP).to_string());
     assert!(lamp["er_l2"].as_f64().unwrap() <= 0.02 && lamp.get("measured_again").is_none());
 
+    let boundary = "--d74496d66958873e";
+    let head = format!("{boundary}\r\nContent-Disposition: form-data; name=\"file\"; filename=\"lamp.wlm\"\r\n\r\n");
+    let form = [head.as_bytes(), &file, format!("\r\n{boundary}--\r\n").as_bytes()].concat();
+    let form = service
+        .post("/v1/materials")
+        .header("content-type", "multipart/form-data; boundary=d74496d66958873e")
+        .body(form);
+    let form: Value = form.send().await.unwrap().json().await.unwrap();
+    assert_eq!(form["id"], lamp["id"], "a form is the file in it");
+
     let path = lamp["links"]["self"].as_str().unwrap();
     assert_eq!(service.get(path).send().await.unwrap().json::<Value>().await.unwrap(), lamp);
     assert_eq!(service.get(&format!("{path}/content")).send().await.unwrap().bytes().await.unwrap(), file);

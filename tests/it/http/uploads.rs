@@ -106,6 +106,104 @@ async fn encoded_bodies_are_decoded_within_limits() {
     assert_eq!(std::fs::read_dir(data.path().join("staging")).unwrap().count(), 0, "refused bytes are not kept");
 }
 
+/// Media type of a form, and a form with these parts: the parameters of its disposition, and its bytes.
+fn form(parts: &[(&str, &[u8])]) -> (&'static str, Vec<u8>) {
+    let mut body = Vec::new();
+    for (disposition, bytes) in parts {
+        body.extend(format!("--d74496d66958873e\r\nContent-Disposition: form-data; {disposition}\r\n\r\n").as_bytes());
+        body.extend(*bytes);
+        body.extend(b"\r\n");
+    }
+    body.extend(b"--d74496d66958873e--\r\n");
+    ("multipart/form-data; boundary=d74496d66958873e", body)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_form_with_one_file_is_that_file() {
+    let data = tempfile::tempdir().unwrap();
+    let mut config = config(data.path());
+    config.work.limits.upload_bytes = 1 << 20;
+    let service = Service::start(config).await;
+    let post = |query: &str, (kind, body): (&str, Vec<u8>)| {
+        service.post(&format!("/v1/measurements{query}")).header("content-type", kind).body(body)
+    };
+    let lamp = form(&[("name=\"file\"; filename=\"lamp.ies\"", LAMP)]);
+    let response = post("", lamp.clone()).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::CREATED);
+    let uploaded: Value = response.json().await.unwrap();
+    assert_eq!(uploaded["id"], Digest::of(LAMP).to_string(), "the bytes of the file alone");
+    assert_eq!((&uploaded["file_name"], &uploaded["bytes"]), (&json!("lamp.ies"), &json!(LAMP.len())));
+    let path = format!("/v1/measurements/{}/content", uploaded["id"].as_str().unwrap());
+    assert_eq!(service.get(&path).send().await.unwrap().bytes().await.unwrap(), LAMP);
+    assert_eq!(post("", lamp).send().await.unwrap().status(), StatusCode::OK, "the same measurement");
+
+    // The query counts before the form, and options are there.
+    let checker = form(&[("name=\"file\"; filename=\"checker.csv\"", CHECKER)]);
+    let skin =
+        post("?filename=skin.csv&column=light%20skin&quantity=reflectance", checker.clone()).send().await.unwrap();
+    let skin: Value = skin.json().await.unwrap();
+    assert_eq!((&skin["file_name"], &skin["quantity"]), (&json!("skin.csv"), &json!("reflectance")), "{skin}");
+    let (kind, body) = form(&[("name=\"file\"; filename=\"d65.csv\"", D65)]);
+    for (encoding, body) in [("gzip", gzip(&body).await), ("zstd", zstd(&body))] {
+        let coded = post("", (kind, body)).header("content-encoding", encoding).send().await.unwrap();
+        assert_eq!(coded.json::<Value>().await.unwrap()["id"], Digest::of(D65).to_string());
+    }
+
+    let refused =
+        async |body, status, code| problem(post("", body), status, code).await["detail"].as_str().unwrap().to_owned();
+    let several = form(&[("name=\"a\"; filename=\"a.csv\"", D65), ("name=\"a\"; filename=\"b.csv\"", CHECKER)]);
+    let detail = refused(several, 400, "bad-body").await;
+    assert!(detail.contains("found the files `a.csv` and `b.csv`") && detail.contains("zip archive"), "{detail}");
+    let field = form(&[("name=\"quantity\"", b"brdf"), ("name=\"a\"; filename=\"a.csv\"", D65)]);
+    assert!(refused(field, 400, "bad-body").await.contains("options are parameters of the URL"));
+    assert!(refused(form(&[]), 400, "bad-body").await.contains("found no file in the form"));
+    refused(form(&[("name=\"a\"; filename=\"a.csv\"", b"")]), 422, "empty-body").await;
+    refused(("multipart/form-data", D65.to_vec()), 400, "bad-body").await;
+    let (kind, whole) = form(&[("name=\"a\"; filename=\"a.csv\"", D65)]);
+    refused((kind, whole[..whole.len() - 20].to_vec()), 400, "bad-body").await;
+
+    // The limit counts the file, not what the form adds.
+    let text = "# quantity: spectrum\n400,1\n500,2\n600,3\n";
+    let padded = |length: usize| [text.as_bytes(), &vec![b'\n'; length - text.len()]].concat();
+    let large = |length: usize| form(&[("name=\"a\"; filename=\"a.csv\"", &padded(length))]);
+    let answer = post("", large(1 << 20)).send().await.unwrap();
+    assert_eq!(answer.status(), StatusCode::CREATED, "{}", answer.text().await.unwrap());
+    refused(large((1 << 20) + 1), 413, "too-large").await;
+    refused(large((1 << 20) + (64 << 10)), 413, "too-large").await;
+    service.stop().await;
+    assert_eq!(std::fs::read_dir(data.path().join("staging")).unwrap().count(), 0, "refused bytes are not kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_body_without_its_line_breaks_is_explained() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    // As `curl --data @FILE` sends a file, and `curl --data-binary @FILE`.
+    let post = |path: &str, body: Vec<u8>| {
+        service.post(path).header("content-type", "application/x-www-form-urlencoded").body(body)
+    };
+    let stripped =
+        |file: &[u8]| file.iter().copied().filter(|byte| !matches!(byte, b'\n' | b'\r' | 0)).collect::<Vec<_>>();
+    for file in [LAMP, D65, CHECKER, LAMP_SPECTRUM] {
+        let refusal = problem(post("/v1/measurements", stripped(file)), 400, "bad-body").await;
+        let detail = refusal["detail"].as_str().unwrap();
+        assert!(detail.contains("use `curl --data-binary @FILE`"), "{detail}");
+        let kept = post("/v1/measurements", file.to_vec()).send().await.unwrap();
+        assert_eq!(kept.status(), StatusCode::CREATED);
+    }
+    let refusal = problem(post("/v1/materials", b"no material".to_vec()), 400, "bad-body").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("--data-binary"), "{refusal}");
+    // Numbers in one line may be others than the file has: 0.17 and 0.08 are 0.170.08.
+    let refusal = problem(post("/v1/measurements", b"0.5 0.17 0.08 0.04".to_vec()), 400, "bad-body").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("-H 'content-type: text/plain'"), "{refusal}");
+    // JSON needs no line breaks, and other media types are not those of curl.
+    let model = br#"{"wavelume": "virtual", "quantity": "edf", "model": "isotropic", "axes": ["sphere:1"]}"#;
+    assert_eq!(post("/v1/measurements", model.to_vec()).send().await.unwrap().status(), StatusCode::CREATED);
+    problem(service.post("/v1/measurements").body("no measurement"), 422, "unrecognised-format").await;
+    problem(post("/v1/measurements", b"no\nmeasurement".to_vec()), 422, "unrecognised-format").await;
+    service.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn refused_measurements_say_where_and_leave_nothing() {
     let data = tempfile::tempdir().unwrap();

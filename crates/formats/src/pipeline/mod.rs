@@ -32,7 +32,7 @@ pub use incidences::IncidenceReport;
 pub use note_templates::note_templates;
 pub use on_grid::{OnGrid, export_on_grid};
 pub use origin::Origin;
-pub use outcome::{Outcome, compress, project};
+pub use outcome::{Outcome, compress, for_use, project};
 pub use provenance::runs;
 pub use remeasured::{RemeasureError, Remeasured, remeasure};
 pub use report::{CellErrors, Report};

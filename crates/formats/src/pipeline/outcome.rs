@@ -58,6 +58,24 @@ fn with_reciprocity(mut projected: Projected, request: &Request) -> Result<Proje
     Ok(projected)
 }
 
+/// Returns the request to compress a measurement that is only to be used, not kept: lossless or, if its samples are
+/// scattered, to the default error.
+///
+/// ```
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
+/// use wavelume_formats::pipeline::for_use;
+/// let source = wavelume_formats::read(path)?;
+/// let compressed = source.compress(&for_use(&source.acquisition))?;
+/// assert_eq!(compressed.report.errors.er_l2, 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn for_use(acquisition: &Acquisition) -> Request {
+    Request::to(match acquisition.samples {
+        Samples::Scattered(_) => Target::default(),
+        Samples::OnAxes { .. } | Samples::Grid(_) | Samples::Function(_) => Target::Lossless,
+    })
+}
+
 /// Projects a measurement onto the axes of `request` and compresses it.
 pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
