@@ -103,6 +103,9 @@ const ROUNDING: f64 = 1e-9;
 /// error of directions in float32 or with six digits, which would otherwise miss the values measured on the border. In
 /// the direction of the azimuth it is the distance on the sphere.
 const BORDER: f64 = 1e-3;
+/// Largest step in degrees between neighbouring azimuths across which values are interpolated. Raising it takes fewer
+/// grids for scans in planes.
+const WIDEST_STEP: f64 = 90.0;
 /// Largest azimuth accepted in a file, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
 
@@ -500,6 +503,22 @@ impl DirectionGrid {
         is_whole && self.covers_azimuths.0 <= low && self.covers_azimuths.1 >= high
     }
 
+    /// Returns true for a scan in planes: all neighbouring azimuths, mirror images included, are more than 90° apart,
+    /// so that nothing is known between them. False for a grid without azimuths.
+    pub(crate) fn is_scan(&self) -> bool {
+        let Some(Azimuths { angles, extent }) = &self.azimuths else { return false };
+        let (first, last) = (angles[0], angles[angles.len() - 1]);
+        let (low, high) = extent.range();
+        // From an outermost azimuth to its mirror image, or around the circle.
+        let around = match extent {
+            AzimuthExtent::Closed | AzimuthExtent::Sector => [0.0, 0.0],
+            AzimuthExtent::Circle => [first + 360.0 - last, 0.0],
+            _ => [2.0 * (first - low), 2.0 * (high - last)],
+        };
+        let steps = angles.array_windows().map(|[a, b]| b - a).chain(around.into_iter().filter(|step| *step > 0.0));
+        steps.into_iter().all(|step| step > WIDEST_STEP)
+    }
+
     /// Returns the grid entry nearest to a direction in polar angle and azimuth; `None` outside the angles that the
     /// grid covers.
     pub fn nearest(&self, direction: Direction) -> Option<usize> {
@@ -691,5 +710,25 @@ mod tests {
         assert!(matches!(grid(&long, circle(&long)), Err(E::TooMany { .. })));
         assert!(matches!(grid(&[10.0], None).unwrap().covering(20.0, 90.0), Err(E::Covers { .. })));
         assert!(matches!(grid(&[10.0], None).unwrap().mirrored(), Err(E::Mirrored { .. })));
+    }
+
+    #[test]
+    fn planes_far_apart_are_a_scan() {
+        use AzimuthExtent as E;
+        for (angles, extent, expected) in [
+            (vec![180.0], E::Sector, true),
+            (vec![0.0, 180.0], E::Mirrored, true),
+            (vec![0.0, 180.0], E::Circle, true),
+            (vec![0.0, 120.0, 240.0], E::Circle, true),
+            (vec![0.0, 90.0, 180.0], E::Mirrored, false),
+            (vec![0.0, 90.0], E::Sector, false),
+            (vec![0.0, 10.0, 120.0, 130.0], E::Sector, false),
+            (vec![20.0, 150.0], E::Mirrored, false),
+            (vec![0.0, 45.0, 90.0], E::Quadrant, false),
+        ] {
+            let grid = DirectionGrid::new(Frame::Surface, vec![0.0, 40.0], Some(azimuths(&angles, extent))).unwrap();
+            assert_eq!(grid.is_scan(), expected, "{extent} {angles:?}");
+        }
+        assert!(!DirectionGrid::new(Frame::Surface, vec![0.0, 40.0], None).unwrap().is_scan());
     }
 }

@@ -35,6 +35,8 @@ wavelume_core::declare_notes! {
         Assumed WithoutGrid =>
             "values between the angles are unknown (a single theta, or azimuths more than 90 degrees apart): taken as \
              directions without a grid";
+        Assumed AzimuthGap { from_degrees: f64, to_degrees: f64 } =>
+            "nothing is known between the azimuths of {from_degrees}° and {to_degrees}°, which are more than 90° apart: masked";
         Assumed RotationallySymmetric { role: &'static str } =>
             "{role} samples have no azimuth: taken as rotationally symmetric about z";
         Assumed OutsideTheta { role: &'static str, first_degrees: f64, last_degrees: f64, is_zero: bool } =>

@@ -83,11 +83,15 @@ pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     Ok(grid.values.iter().filter(|v| v.is_nan()).count())
 }
 
-/// Refuses angles that are no valid grid of directions for the physical quantity.
+/// Refuses angles that are no valid grid of directions for the physical quantity. The directions of a surface may be a
+/// scan in one plane; those of other quantities cover an area.
 pub(super) fn check_sides(quantity: Quantity, grid: &AngleGrid) -> Result<(), ProjectionError> {
-    incoming_side(grid.incoming.as_ref(), None)?;
-    outgoing_side(quantity, grid.outgoing.as_ref(), None)?;
-    Ok(())
+    if quantity.has_cosine() {
+        grid.outgoing.as_ref().map_or(Ok(()), |angles| outgoing_domain(quantity, angles).map(drop))
+    } else {
+        incoming_side(grid.incoming.as_ref(), None)?;
+        outgoing_side(quantity, grid.outgoing.as_ref(), None).map(drop)
+    }
 }
 
 fn incoming_side(angles: Option<&Angles>, level: Option<u8>) -> Result<Side<'_>, ProjectionError> {
@@ -119,6 +123,13 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
         };
     };
     check_area(Role::Outgoing, angles)?;
+    let domain = outgoing_domain(quantity, angles)?;
+    Ok(Side::Triangles(angles, levels::choose(Role::Outgoing, domain, angles, level)?))
+}
+
+/// Returns the part of the sphere that the outgoing directions of a quantity lie in. Fails if none of the `angles`
+/// does.
+fn outgoing_domain(quantity: Quantity, angles: &Angles) -> Result<Domain, ProjectionError> {
     let domain = match quantity {
         Quantity::Brdf => Domain::Hemisphere,
         Quantity::Btdf => Domain::Lower,
@@ -134,7 +145,7 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
         let angles = AnglesError::Beside { low, high, domain, quantity };
         return Err(ProjectionError::Angles { role: Role::Outgoing, angles });
     }
-    Ok(Side::Triangles(angles, levels::choose(Role::Outgoing, domain, angles, level)?))
+    Ok(domain)
 }
 
 impl Side<'_> {

@@ -52,7 +52,7 @@ use crate::formats::{Acquisition, Samples};
 /// With [`DirectionDomain::Grid`] a grid of angles stays as the file states it. Each direction of the tensor is then
 /// one of the file. Each sample is one of its numbers, times the file's multipliers.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
-    let instead = planes::instead(acquisition, request.domain);
+    let instead = planes::instead(acquisition, request.domain()?);
     if let (Samples::Grid(grid), Some(_)) = (&acquisition.samples, &instead) {
         grid::check_values(grid)?;
     }

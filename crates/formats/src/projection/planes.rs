@@ -1,5 +1,5 @@
 //! Grids whose angles leave the values between them undefined. One incoming azimuth is taken as isotropic; scan planes
-//! become scattered samples.
+//! become scattered samples where triangles are wanted.
 
 use super::request::DirectionDomain;
 use crate::domain::{Axis, Note};
@@ -7,11 +7,11 @@ use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Sca
 use crate::notes::ProjectionNote;
 use std::borrow::Cow;
 
-/// Largest gap in degrees between azimuths that form a grid. Wider gaps separate scan planes, between which light
-/// cannot be interpolated. Raising it keeps more scans as grids.
+/// Largest gap in degrees between azimuths across which values can be interpolated. Wider gaps separate scan planes.
+/// Raising it averages more scans as grids where triangles are wanted.
 const PLANES: f64 = 90.0;
-/// Largest number of direction pairs for which a grid of scan planes is treated as scattered samples; larger grids stay
-/// grids. Scans in planes have fewer.
+/// Largest number of direction pairs for which a grid of scan planes is treated as scattered samples; larger grids are
+/// averaged as grids. Scans in planes have fewer.
 const MOST: usize = 1 << 22;
 
 /// Names of file formats that define the function between any two of their azimuths, so that their grids are no
@@ -23,14 +23,16 @@ const DENSE: [&str; 1] = ["mbsdf"];
 pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Scattered>> {
     match &acquisition.samples {
         Samples::Scattered(scattered) => Some(Cow::Borrowed(scattered)),
-        _ => open_samples(acquisition, None).map(Cow::Owned),
+        _ => open_samples(acquisition).map(Cow::Owned),
     }
 }
 
-/// Returns samples that replace the grid of a measurement, and a note for the user; `None` if the grid is kept. If the
-/// user requests [`DirectionDomain::Grid`], scan planes stay a grid.
-pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, Note)> {
-    if let Some(scattered) = open_samples(acquisition, domain) {
+/// Returns samples that replace the grid of a measurement, and a note for the user; `None` if the grid is kept. If
+/// triangles are `wanted`, scan planes become scattered samples.
+pub(super) fn instead(acquisition: &Acquisition, wanted: DirectionDomain) -> Option<(Samples, Note)> {
+    if wanted == DirectionDomain::Triangles
+        && let Some(scattered) = open_samples(acquisition)
+    {
         return Some((Samples::Scattered(scattered), ProjectionNote::WithoutGrid.into()));
     }
     let (grid, incoming, _) = pairs_of_directions(acquisition)?;
@@ -49,14 +51,13 @@ pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>
 }
 
 /// Returns scattered samples in place of a grid of angles between which the values are undefined (scan planes or single
-/// rings); `None` if the grid is kept.
-fn open_samples(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<Scattered> {
+/// rings); `None` for other samples.
+fn open_samples(acquisition: &Acquisition) -> Option<Scattered> {
     let (grid, incoming, outgoing) = pairs_of_directions(acquisition)?;
     let is_ring = |angles: &Angles| angles.phi.is_some() && angles.covers.0 == angles.covers.1;
     let is_open = is_ring(incoming) || is_ring(outgoing) || is_plane(outgoing);
     let width = grid.spectral.as_ref().map_or(1, Axis::len);
-    let is_kept = domain == Some(DirectionDomain::Grid) || DENSE.contains(&acquisition.format);
-    let is_taken = is_open && !is_kept && grid.values.len() / width <= MOST;
+    let is_taken = is_open && !DENSE.contains(&acquisition.format) && grid.values.len() / width <= MOST;
     is_taken.then(|| scattered(grid, incoming, outgoing, width))
 }
 
@@ -68,9 +69,16 @@ fn pairs_of_directions(acquisition: &Acquisition) -> Option<(&AngleGrid, &Angles
     Some((grid, grid.incoming.as_ref()?, grid.outgoing.as_ref()?)).filter(|_| is_single)
 }
 
-/// Returns true if the azimuths of a grid are scan planes, between which nothing is known.
+/// Returns a note on the widest gap between the outgoing azimuths of a grid if nothing is known across it.
+pub(super) fn gap(acquisition: &Acquisition) -> Option<Note> {
+    let (_, _, outgoing) = pairs_of_directions(acquisition).filter(|_| !DENSE.contains(&acquisition.format))?;
+    let [from_degrees, to_degrees] = widest_gap(outgoing).filter(|[from, to]| to - from > PLANES)?;
+    Some(ProjectionNote::AzimuthGap { from_degrees, to_degrees }.into())
+}
+
+/// Returns true if the azimuths of a grid are scan planes, or have a gap across which nothing is known.
 fn is_plane(angles: &Angles) -> bool {
-    single_azimuth(angles).is_some() || widest_gap(angles) > PLANES
+    single_azimuth(angles).is_some() || widest_gap(angles).is_some_and(|[from, to]| to - from > PLANES)
 }
 
 /// Returns true if the angles of a grid cover an area on the sphere: they are neither a single ring nor scan planes.
@@ -84,14 +92,15 @@ pub(super) fn single_azimuth(angles: &Angles) -> Option<f64> {
     if let [alone] = azimuths.phi[..] { Some(alone) } else { None }
 }
 
-/// Returns the largest difference between neighbouring azimuths of a grid, in degrees.
-fn widest_gap(angles: &Angles) -> f64 {
-    let Some(azimuths) = &angles.phi else { return 0.0 };
-    let within = azimuths.phi.array_windows().map(|[a, b]| b - a).fold(0.0, f64::max);
-    match (azimuths.extent, azimuths.phi.first(), azimuths.phi.last()) {
-        (AzimuthExtent::Circle, Some(first), Some(last)) if last > first => within.max(first + 360.0 - last),
-        _ => within,
-    }
+/// Returns the two neighbouring azimuths of a grid, in degrees, that are farthest apart; `None` for a single one.
+fn widest_gap(angles: &Angles) -> Option<[f64; 2]> {
+    let azimuths = angles.phi.as_ref()?;
+    let around = match azimuths.phi[..] {
+        [first, .., last] if azimuths.extent == AzimuthExtent::Circle => Some([last, first + 360.0]),
+        _ => None,
+    };
+    let pairs = azimuths.phi.array_windows().copied().chain(around);
+    pairs.max_by(|[a, b], [c, d]| (b - a).total_cmp(&(d - c)))
 }
 
 /// Converts a grid of angles to scattered samples: each measured pair of directions with its spectrum.

@@ -3,7 +3,7 @@
 use super::angles::{check, sample_directions};
 use super::error::Role;
 use super::planes;
-use super::request::AxesRequest;
+use super::request::{AxesRequest, DirectionDomain};
 use super::resampling::Channels;
 use super::spectral;
 use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Measurement, Note};
@@ -41,7 +41,7 @@ struct Pairing<'a> {
 ///
 /// [`ScatteredSamples`]: super::ScatteredSamples
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
-    let instead = planes::instead(acquisition, None);
+    let instead = planes::instead(acquisition, DirectionDomain::Triangles);
     let samples = instead.as_ref().map_or(&acquisition.samples, |(samples, _)| samples);
     let pairing = pair(acquisition, samples, measurement)?;
     let tensor = measurement.tensor.samples();

@@ -338,12 +338,53 @@ fn nothing_is_known_between_the_planes_of_a_scan() {
     // Scattered samples are compared with an evaluated material, not with cells.
     assert!(projected.scattered.is_some() && error_at_samples(&acquired, &projected.measurement).is_none());
     assert_eq!(scattered_samples(&acquired).unwrap().directions(), projected.scattered.unwrap().len());
-    // Planes are a grid if the request names one, or if the format defines values between planes.
-    let grid = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
-    let of_format = Acquisition { format: "mbsdf", ..acquired.clone() };
-    for (acquired, request) in [(&acquired, &grid), (&of_format, &AxesRequest::default())] {
-        let kept = project(acquired, request).unwrap();
+    // Without a level they stay the file's own grid.
+    for planes in [vec![0.0, 180.0], vec![0.0, 120.0, 240.0]] {
+        let acquired = scan(0.0, planes, AzimuthExtent::Circle);
+        let kept = project(&acquired, &AxesRequest::default()).unwrap();
+        let numbers = &grid_of(&mut acquired.clone()).values;
         assert!(matches!(kept.measurement.tensor.axes()[1], Axis::Grid(_)) && kept.scattered.is_none());
+        assert_eq!(kept.measurement.tensor.samples(), &**numbers);
+    }
+}
+
+#[test]
+fn a_single_plane_or_ring_stays_on_its_grid() {
+    let half = scan(0.0, vec![180.0], AzimuthExtent::Sector);
+    let mut ring = scan(0.0, vec![0.0, 60.0, 120.0, 180.0], AzimuthExtent::Mirrored);
+    let grid = grid_of(&mut ring);
+    let outgoing = grid.outgoing.as_mut().unwrap();
+    (outgoing.theta, outgoing.covers) = (vec![45.0], (45.0, 45.0));
+    grid.values = grid.values[..4 * grid.incoming.as_ref().unwrap().theta.len()].to_vec().into();
+    for (acquired, outgoing) in [(half, [18, 1]), (ring, [1, 4])] {
+        let projected = project(&acquired, &AxesRequest::default()).unwrap();
+        let [Axis::Elevation(_), Axis::Grid(grid)] = projected.measurement.tensor.axes() else { panic!("a grid") };
+        assert_eq!((grid.shape(), projected.scattered.is_none()), (outgoing, true));
+        let on_triangles = project(&acquired, &levels(None, Some(3))).unwrap();
+        assert!(on_triangles.scattered.is_some());
+    }
+}
+
+#[test]
+fn a_gap_between_azimuths_stays_on_the_grid() {
+    let azimuths: Vec<f64> = steps(0.0, 10.0, 13).into_iter().chain(steps(218.75, 10.0, 14)).collect();
+    let acquired = scan(0.0, azimuths.clone(), AzimuthExtent::Circle);
+    let projected = project(&acquired, &AxesRequest::default()).unwrap();
+    let tensor = &projected.measurement.tensor;
+    let [Axis::Elevation(_), Axis::Grid(grid)] = tensor.axes() else { panic!("a grid: {:?}", tensor.axes()) };
+    assert_eq!(grid.azimuths().unwrap().angles, azimuths);
+    assert_eq!(tensor.samples(), &*grid_of(&mut acquired.clone()).values);
+    let told = |projected: &Projected| {
+        let notes = projected.coverage.notes.iter().map(|note| note.message.clone());
+        notes.filter(|note| note.contains("more than 90° apart")).collect::<Vec<_>>()
+    };
+    let gap = "nothing is known between the azimuths of 120° and 218.75°, which are more than 90° apart: masked";
+    assert_eq!(told(&projected), [gap]);
+    // Gaps of up to 90 degrees are interpolated, and any gap of a format that defines what lies in it.
+    let narrow = scan(0.0, vec![0.0, 90.0, 180.0, 270.0], AzimuthExtent::Circle);
+    let of_format = Acquisition { format: "mbsdf", ..acquired };
+    for acquired in [narrow, of_format] {
+        assert!(told(&project(&acquired, &AxesRequest::default()).unwrap()).is_empty());
     }
 }
 

@@ -219,7 +219,7 @@ fn what_is_stated_of_the_fit_is_what_an_evaluation_finds() {
 
 #[test]
 fn planes_of_a_scan_are_compared_at_their_samples() {
-    // One azimuth at three elevations: directions without a grid, though they are stated as one.
+    // One azimuth at three elevations, on triangles: directions without a grid, though they are stated as one.
     let mut text = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n\
                     # angle_unit: deg\n# isotropic: true\ntheta_i,theta_o,phi_o,value\n"
         .to_owned();
@@ -229,11 +229,41 @@ fn planes_of_a_scan_are_compared_at_their_samples() {
     }
     let interpretation = Interpretation::default();
     let source = read(&Input { bytes: text.as_bytes(), interpretation: &interpretation, spectrum: None }).unwrap();
-    let outcome = source.compress(&Request::er_l2(0.01)).unwrap();
+    let triangles = Request { domain: Some(DirectionDomain::Triangles), ..Request::er_l2(0.01) };
+    let outcome = source.compress(&triangles).unwrap();
     let (errors, fit) = (outcome.report.errors, fit(&outcome));
     assert_eq!((errors.samples, errors.scored_samples), (27, 27));
     assert!(errors.er_l2 > 0.0 && errors.er_l2 == fit.fit);
     assert_eq!(outcome.report.notes.iter().any(|note| note.message.contains(" adds er(L2) ")), !fit.is_kept());
+}
+
+#[test]
+fn a_scan_in_the_plane_of_incidence_stays_on_its_grid() {
+    let truth = gloss(0.2);
+    let mut text = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n\
+                    # angle_unit: deg\n# isotropic: true\ntheta_i,theta_o,phi_o,value\n"
+        .to_owned();
+    let angles = (0..=80).step_by(2).flat_map(|theta| [0, 180].map(|phi| (f64::from(theta), f64::from(phi))));
+    let angles: Vec<(f64, f64)> = angles.collect();
+    for (theta_i, &(theta_o, phi_o)) in
+        [5.0, 20.0, 35.0, 50.0, 65.0].into_iter().flat_map(|i| angles.iter().map(move |o| (i, o)))
+    {
+        let value = truth(Direction::from_degrees(theta_i, 0.0), Direction::from_degrees(theta_o, phi_o));
+        text.extend([format!("{theta_i},{theta_o},{phi_o},{value:.6}\n")]);
+    }
+    let interpretation = Interpretation::default();
+    let source = read(&Input { bytes: text.as_bytes(), interpretation: &interpretation, spectrum: None }).unwrap();
+    let outcome = source.compress(&Request::er_l2(0.01)).unwrap();
+    assert!(
+        outcome.report.axes[1].starts_with("grid of 41 × 2 (polar 0..80, azimuth 0..180)"),
+        "{:?}",
+        outcome.report.axes
+    );
+    let errors = outcome.report.errors;
+    assert!(errors.er_l2 <= 0.01 && errors.samples == 410 && outcome.bytes.len() <= 600, "{}", outcome.bytes.len());
+    // The lobe between incidences is that in the plane, not one of values interpolated between its two halves.
+    let between = outcome.report.incidences.unwrap();
+    assert!(between.left_out_er_l2 < 0.05, "{between:?}");
 }
 
 #[test]

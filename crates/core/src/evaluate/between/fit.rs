@@ -106,15 +106,19 @@ fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
 }
 
 /// Returns the measured light to which the microfacet model is fitted: in outgoing directions around the mirror
-/// direction of each incoming direction, and over the whole hemisphere.
+/// direction of each incoming direction, and over the whole hemisphere. For a scan in planes they are the measured
+/// ones.
 fn seen(tables: &Tables<'_>) -> Vec<Seen> {
     let incidences = tables.incidences();
     let step = incidences.len().div_ceil(INCIDENCES).max(1);
+    let (around, stride) = if tables.is_scan() { (None, 1) } else { (Some(half_vectors()), SPREAD) };
+    let around: Vec<Vector> =
+        around.into_iter().flat_map(|slopes| std::iter::once([0.0, 0.0, 1.0]).chain(slopes)).collect();
     let mut seen = Vec::new();
     for entry in 0..tables.entries().min(ENTRIES) {
         for (node, &wi) in incidences.iter().enumerate().step_by(step) {
-            let near = std::iter::once([0.0, 0.0, 1.0]).chain(half_vectors()).map(|h| mirrored(wi, h));
-            let spread = tables.outgoing().iter().step_by(SPREAD).copied();
+            let near = around.iter().map(|&h| mirrored(wi, h));
+            let spread = tables.outgoing().iter().step_by(stride).copied();
             for wo in near.chain(spread).filter(|wo| wo[2] > LOWEST) {
                 let light = tables.light(entry, node, wo);
                 if light > 0.0 {

@@ -26,6 +26,7 @@ pub(super) struct Tables<'a> {
     alignment: Alignment,
     incidences: Vec<Vector>,
     outgoing: Vec<Vector>,
+    is_scan: bool,
     /// For each triangle of the incoming mesh, the other triangles that predict it in a leave-one-out test; empty for
     /// other axes.
     triangles: Vec<Option<Others>>,
@@ -75,7 +76,10 @@ impl<'a> Tables<'a> {
         let others =
             |Predicting { mean, linear, quadratic }| Others { mean, linear: Some(linear), cubic: Some(quadratic) };
         let triangles = triangles.into_iter().map(|predicting| predicting.map(others)).collect();
-        Some(Self { form, geometry, domain, alignment, incidences, outgoing: outgoing(domain), triangles })
+        let scan = geometry.outgoing_grid().filter(|grid| grid.is_scan());
+        let is_scan = scan.is_some();
+        let outgoing = scan.map_or_else(|| outgoing(domain), |grid| outgoing_of(grid));
+        Some(Self { form, geometry, domain, alignment, incidences, outgoing, is_scan, triangles })
     }
 
     pub(super) fn entries(&self) -> usize {
@@ -87,9 +91,14 @@ impl<'a> Tables<'a> {
     }
 
     /// Outgoing directions at which leave-one-out errors are measured: up to 80° from the normal, uniform in solid
-    /// angle.
+    /// angle. For a scan in planes they are the measured ones.
     pub(super) fn outgoing(&self) -> &[Vector] {
         &self.outgoing
+    }
+
+    /// True for outgoing directions in planes far apart, between which nothing is known.
+    pub(super) fn is_scan(&self) -> bool {
+        self.is_scan
     }
 
     pub(super) fn domain(&self) -> Domain {
@@ -180,4 +189,11 @@ fn outgoing(domain: Domain) -> Vec<Vector> {
         Domain::Lower => below.collect(),
         Domain::Sphere => above.chain(below).collect(),
     }
+}
+
+/// Outgoing directions of a scan in planes, those near the horizon left out.
+fn outgoing_of(scan: &DirectionGrid) -> Vec<Vector> {
+    let step = scan.len().div_ceil(DIRECTIONS as usize);
+    let all = (0..scan.len()).step_by(step).map(|entry| scan.direction(entry).xyz());
+    all.filter(|direction| direction[2].abs() >= LOWEST).collect()
 }

@@ -5,6 +5,7 @@ mod tests;
 
 use super::error::{AnglesError, DomainError, ProjectionError, Role};
 use super::grid;
+use super::planes;
 use super::projected::{Coverage, Numbers, Projected};
 use super::request::{AxesRequest, DirectionDomain};
 use super::resampling::{Directions, Resampling};
@@ -80,6 +81,7 @@ pub(super) fn project(
         notes.extend(stated.map(Note::from));
     }
     notes.extend(left_out);
+    notes.extend(planes::gap(acquisition));
     notes.extend(spectral.notes);
     if missing > 0 {
         notes.push(ProjectionNote::MissingMasked { samples: missing, of: all }.into());
