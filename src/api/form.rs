@@ -6,8 +6,8 @@ use axum::http::{HeaderMap, header};
 /// Upper bound in bytes on the headers of a part of a form. Raising it costs memory for each upload.
 const LONGEST_HEADERS: usize = 16 << 10;
 
-/// Number of bytes by which a form may exceed the limit on the file in it. Raising it takes longer boundaries and
-/// headers.
+/// Number of bytes by which a form may exceed the limit on the size of an upload. Raising it takes forms with longer
+/// headers around a file of the largest size.
 pub(super) const ENVELOPE: u64 = 32 << 10;
 
 /// Upper bound in bytes on the boundary between the parts of a form (RFC 2046).
@@ -87,14 +87,14 @@ impl Form {
                     _ => return Err("found other text after a boundary of the form, expected a line break".to_owned()),
                 },
                 State::Headers => match position(&self.held, b"\r\n\r\n") {
-                    Some(end) => {
+                    Some(end) if end <= LONGEST_HEADERS => {
                         let headers = String::from_utf8_lossy(&self.held[..end]).into_owned();
                         self.held.drain(..end + 4);
                         self.begin(&headers)?;
                         Some(State::File)
                     }
                     None if self.held.len() <= LONGEST_HEADERS => None,
-                    None => {
+                    _ => {
                         return Err(format!(
                             "found more than {LONGEST_HEADERS} bytes of headers in a part of the form"
                         ));

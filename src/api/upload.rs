@@ -23,7 +23,7 @@ use tokio_util::io::StreamReader;
 /// Number of bytes of an upload that are hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
 
-/// Number of bytes of a form that are searched for the end of the file at a time.
+/// Number of bytes of a form that are searched for the end of the file at a time. Raising it costs memory.
 const PIECE_OF_FORM: usize = 64 << 10;
 
 /// Number of decoded bytes of an upload that are exempt from the limit on the compression ratio: a small file may well
@@ -227,15 +227,13 @@ async fn stage(
     let (mut total, mut kept, mut lines) = (0_u64, 0_u64, Lines::default());
     loop {
         let before = piece.len();
-        let read = match &mut form {
-            None => decoded.read_buf(&mut piece).await,
-            Some(_) => {
-                envelope.clear();
-                envelope.reserve(PIECE_OF_FORM);
-                decoded.read_buf(&mut envelope).await
-            }
-        };
-        let read = read.map_err(|error| broken(&error, coding))?;
+        let mut into = &mut piece;
+        if form.is_some() {
+            envelope.clear();
+            envelope.reserve(PIECE_OF_FORM);
+            into = &mut envelope;
+        }
+        let read = decoded.read_buf(into).await.map_err(|error| broken(&error, coding))?;
         if let Some(form) = &mut form {
             form.read(&envelope, &mut piece).map_err(bad_form)?;
         }

@@ -144,6 +144,14 @@ mod tests {
     }
 
     #[test]
+    fn exports_have_suffixes_of_formats_that_are_written() {
+        for export in crate::export::ExportFormat::ALL {
+            let mut written = formats().into_iter().filter(|format| format.writes);
+            assert!(written.any(|format| format.extensions.contains(&export.extension())), "{export}");
+        }
+    }
+
+    #[test]
     fn names_of_other_kinds_of_files_are_refused() {
         let check = |outputs: Outputs| outputs.check(&[]).map_err(|failure| failure.to_string());
         let refused = check(Outputs::array(Path::new("t.CSV"))).unwrap_err();

@@ -143,13 +143,9 @@ fn outputs_that_are_no_inputs_are_written() {
         "preview brdf.wlm -o picture.PNG",
         "evaluate brdf.wlm --directions - -o answers",
     ] {
-        let stdin = match line.split(' ').nth(1).unwrap() {
-            "/dev/stdin" => File::open(at("lamp.ies")).unwrap(),
-            _ => {
-                fs::write(at("directions.csv"), "theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n").unwrap();
-                File::open(at("directions.csv")).unwrap()
-            }
-        };
+        fs::write(at("directions.csv"), "theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n").unwrap();
+        let stdin = if line.contains("/dev/stdin") { "lamp.ies" } else { "directions.csv" };
+        let stdin = File::open(at(stdin)).unwrap();
         let output = run(dir.path(), line, stdin.into());
         assert_eq!(output.status.code(), Some(0), "{line}: {}", String::from_utf8_lossy(&output.stderr));
     }
