@@ -61,8 +61,8 @@ impl Form {
         Ok(Some(Self { delimiter, held: b"\r\n".to_vec(), state: State::Preamble, file_name: None }))
     }
 
-    /// Reads the next bytes of the body, and appends those of the file to `file`. The error describes what is wrong with
-    /// the form.
+    /// Reads the next bytes of the body, and appends those of the file to `file`. The error describes what is wrong
+    /// with the form.
     pub(super) fn read(&mut self, bytes: &[u8], file: &mut Vec<u8>) -> Result<(), String> {
         self.held.extend_from_slice(bytes);
         loop {

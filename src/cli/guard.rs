@@ -52,8 +52,8 @@ impl Outputs {
         Self { kind: "a NumPy array", suffixes: vec!["npy"], paths }
     }
 
-    /// Refuses outputs that are also read, under whatever name, because they would be lost, and a name that says another
-    /// kind of file. Devices and pipes are not lost.
+    /// Refuses outputs that are also read, under whatever name, because they would be lost, and a name that says
+    /// another kind of file. Devices and pipes are not lost.
     pub(super) fn check(&self, inputs: &[PathBuf]) -> Result<(), Failure> {
         let there = |path: &PathBuf| path.metadata().ok().filter(Metadata::is_file);
         for (output, found) in self.paths.iter().filter_map(|output| Some((output, there(output)?))) {

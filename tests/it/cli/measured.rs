@@ -16,18 +16,19 @@ fn answered(args: &[&str]) -> (Value, Vec<String>) {
 #[test]
 fn a_measurement_answers_like_its_lossless_material() {
     let dir = workshop();
-    let lamp = data("aerolamp.ies");
-    let (array, made, of_array) = (at(&dir, "brdf.npy"), at(&dir, "lamp.wlm"), at(&dir, "brdf.wlm"));
-    done(&["compress", &lamp, "-o", &made, "--lossless"]);
-    done(&["compress", &array, "-o", &of_array, "--lossless"]);
+    let (lamp, light, array) = (data("aerolamp.ies"), data("illuminant_D65.csv"), at(&dir, "brdf.npy"));
+    let [made, of_light, of_array] = ["lamp.wlm", "light.wlm", "brdf.wlm"].map(|name| at(&dir, name));
+    for (measurement, material) in [(&lamp, &made), (&light, &of_light), (&array, &of_array)] {
+        done(&["compress", measurement, "-o", material, "--lossless"]);
+    }
     let out = at(&dir, "out");
     for (format, measurement, material, command) in [
         ("lm-63", &lamp, &made, &["evaluate", "--wo", "150,20"][..]),
         ("lm-63", &lamp, &made, &["sample", "-n", "3"]),
         ("lm-63", &lamp, &made, &["physics", "--json"]),
-        ("lm-63", &lamp, &made, &["export", "--format", "ldt", "-o", &out, "--json"]),
+        ("lm-63", &lamp, &made, &["export", "--format", "ies", "-o", &out, "--json"]),
         ("npy", &array, &of_array, &["evaluate", "--wi", "20,0", "--wo", "30,180", "--wavelengths", "450,470"]),
-        ("npy", &array, &of_array, &["color", "--wi", "20,0"]),
+        ("spectral-table", &light, &of_light, &["color"]),
         ("npy", &array, &of_array, &["export", "--format", "npy", "-o", &out, "--json"]),
     ] {
         let (mut found, said) = answered(&[&[command[0], measurement], &command[1..]].concat());
