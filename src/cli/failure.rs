@@ -80,7 +80,9 @@ impl From<PipelineError> for Failure {
             {
                 Self::usage(error)
             }
-            PipelineError::Wavelengths(_) | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(error),
+            PipelineError::Wavelengths(_)
+            | PipelineError::Unbounded(_)
+            | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(error),
             PipelineError::Format(_)
             | PipelineError::Spectrum(_)
             | PipelineError::Projection(_)

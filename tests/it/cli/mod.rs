@@ -6,6 +6,7 @@ mod doctor;
 mod evaluate;
 mod keys;
 mod materials;
+mod partly;
 mod refusals;
 mod scans;
 mod service;
@@ -13,6 +14,7 @@ mod settings;
 mod tls;
 mod views;
 
+pub(crate) use partly::in_plane_scan;
 pub(crate) use scans::noisy_lobe;
 
 use serde_json::Value;

@@ -19,6 +19,7 @@ pub(super) const NPY: Writer = Writer {
     media_type: "application/octet-stream",
     holds: "everything",
     fits: |_| true,
+    whole: None,
     options: &[],
     write: Write::Samples(array),
 };

@@ -85,9 +85,15 @@ fn writers() -> impl Iterator<Item = &'static Writer> {
     ExportFormat::ALL.iter().map(|format| format.writer())
 }
 
+/// Name of the files of a format, in words, if they define values in all directions, so that all must have been measured.
+pub(crate) fn whole_file(format: ExportFormat) -> Option<&'static str> {
+    format.writer().whole
+}
+
 /// Returns the formats to which `material` can be exported.
 pub fn fitting(material: &Material) -> Vec<ExportFormat> {
-    ExportFormat::ALL.iter().copied().filter(|format| (format.writer().fits)(material)).collect()
+    let is_fit = |writer: &Writer| (writer.fits)(material) && fits::is_whole(material, writer).is_ok();
+    ExportFormat::ALL.iter().copied().filter(|format| is_fit(format.writer())).collect()
 }
 
 /// Returns the help text of the option that chooses the export format: the name of each format with its description.

@@ -33,6 +33,7 @@ pub(super) const TABPHASE: Writer = Writer {
             && is_on(outgoing(material), &[Domain::Sphere])
             && !matches!(material.axes().last(), Some(Axis::Rgb))
     },
+    whole: Some("table of the phase function"),
     options: &[("side", "cosines"), ("wavelength", "wavelength in nm")],
     write: Write::Entry(tabphase),
 };

@@ -20,6 +20,7 @@ pub(super) const SPD: Writer = Writer {
     media_type: "text/plain",
     holds: "spectra without directions",
     fits: is_table,
+    whole: None,
     options: &[],
     write: Write::Entry(spd),
 };
@@ -33,6 +34,7 @@ pub(super) const CSV: Writer = Writer {
     media_type: "text/csv",
     holds: SPD.holds,
     fits: is_table,
+    whole: None,
     options: &[],
     write: Write::Entries(csv),
 };

@@ -45,6 +45,9 @@ wavelume_core::declare_notes! {
             } else {
                 advice_for_less(lobe_reduced_percent)
             };
+        Warning PartlyMeasured { measured: String, share_percent: f64, light: &'static str } =>
+            "{measured} (at least 80 % is needed): there is no {light}, sample or density (pdf), no picture of a ball and no rgl \
+             file; directions that were not measured are masked";
         Warning StatedFitUnread { reason: String } =>
             "the metadata of the material state the error at scattered samples in a way that this program does not \
              understand: {reason}";

@@ -33,6 +33,9 @@ pub enum PipelineError {
     /// Compression failed.
     #[error(transparent)]
     Compress(#[from] CompressError),
+    /// The albedo or flux, whose error was to be bounded, is unknown.
+    #[error("cannot bound the error of the albedo or flux: {0}")]
+    Unbounded(EvaluateError),
     /// The compressed file cannot be opened for evaluation.
     #[error(transparent)]
     Opened(EvaluateError),

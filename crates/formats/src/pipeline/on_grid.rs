@@ -5,8 +5,8 @@ use super::origin::Origin;
 use super::restated::{FORMATS, Restated, restate_as};
 use crate::compress::{self, Decoded, Numbers};
 use crate::domain::{Axis, Quantity};
-use crate::evaluate::EvaluateError;
-use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Exported, Summary};
+use crate::evaluate::{EvaluateError, measured_share};
+use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Exported, Summary, whole_file};
 use crate::formats::{Digits, FormatErrorKind};
 use serde_json::Value;
 
@@ -58,6 +58,10 @@ pub fn export_on_grid(bytes: &[u8], format: ExportFormat, options: &ExportOption
         return Err(over_limit(least));
     }
     let decoded = compress::decode(bytes).map_err(evaluated)?;
+    let measured = measured_share(&decoded.measurement, decoded.summary.metadata.as_deref());
+    if let (Some(measured), Some(file)) = (measured, whole_file(format)) {
+        measured.needs_whole(file)?;
+    }
     let numbers = compress::decode_numbers(bytes).map_err(evaluated)?;
     let numbers = numbers.as_ref().map(|values| Numbers { values, factor: summary.factor });
     match written(&decoded, numbers, format) {

@@ -4,6 +4,7 @@ use super::auto::AutoReport;
 use super::error::PipelineError;
 use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
 use super::light;
+use super::measured;
 use super::provenance::provenance;
 use super::refinement::{Refined, refined, warning};
 use super::report::{Measured, Report, report};
@@ -14,7 +15,7 @@ use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
 use crate::compress::{self, Between, Numbers, Settings, Summary, Target};
 use crate::domain::{Axis, Progress, Silent};
-use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
+use crate::evaluate::{Material, interpolation_between, measured_share, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, Samples, not_wider};
 use crate::notes::ProjectionNote;
 use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
@@ -142,6 +143,8 @@ fn compressed(
         lobe: lobe.as_ref().map(|carried| carried.lobe.clone()),
         ..request.settings()
     };
+    let measured = measured_share(&measurement, settings.metadata.as_deref());
+    measured::check(measured, request.albedo_error)?;
     let auto = AutoReport::of(&settings, acquisition, &measurement, scatter.noise);
     settings.target = auto.map_or(settings.target, |auto| auto.target());
     let target = settings.target;
@@ -186,8 +189,8 @@ fn compressed(
         Some(carried) => not_wider(&acquisition.instrument, carried.full_width[0].min(carried.full_width[1])),
         None => projection::unresolved_lobe(acquisition),
     };
-    let measured = Measured { fit, at_cells, material: material.as_ref() };
-    let mut report = report(acquisition, target, samples, (coverage, lobe), measured, &compressed)?;
+    let found = Measured { fit, at_cells, material: material.as_ref(), share: measured };
+    let mut report = report(acquisition, target, samples, (coverage, lobe), found, &compressed)?;
     report.auto = auto;
     report.notes.extend(unresolved);
     if report.within_2u.is_none() {

@@ -4,6 +4,7 @@ use super::digest::digest;
 use super::error::PipelineError;
 use super::fit::FitReport;
 use super::incidences::IncidenceReport;
+use super::measured;
 use super::report::{Report, ratio_bytes, ratio_coefficients};
 use super::request::Request;
 use super::sparse::has_lobes;
@@ -54,8 +55,11 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
     let summary = decoded.summary.clone();
     let material = Material::decoded(decoded).map_err(PipelineError::Opened)?;
     let incidences = if has_lobes(&summary.axes) { IncidenceReport::of(&material, None) } else { None };
+    let warning = measured::warning(material.measured_share());
     drop(material);
-    stated_by(bytes, summary, incidences)
+    let mut stated = stated_by(bytes, summary, incidences)?;
+    stated.report.notes.extend(warning);
+    Ok(stated)
 }
 
 /// Returns what a material file states about itself, from its header and its metadata. No sample is decoded, so that

@@ -135,6 +135,9 @@ impl<'a> Largest<'a> {
 }
 
 fn of_table(table: &Table<'_>) -> Option<LargestAlbedo> {
+    if table.is_half_plane() {
+        return None;
+    }
     let weights = table.outgoing.projected_solid_angles()?;
     let bands = table.bands();
     let blocks = table.values.len() / table.block();

@@ -49,6 +49,12 @@ impl<'a> Table<'a> {
         self.spectral.map_or(1, Axis::len)
     }
 
+    /// Returns true if the outgoing directions have no azimuths, although light comes in obliquely: they lie on one side
+    /// of the plane of incidence and cover no area.
+    pub(super) fn is_half_plane(&self) -> bool {
+        self.outgoing.is_isotropic() && (0..self.incoming.len()).any(|i| self.incoming.degrees(i)[0] > 0.0)
+    }
+
     /// Returns the number of values under one incoming direction: outgoing directions times bands.
     pub(super) fn block(&self) -> usize {
         self.outgoing.len() * self.bands()
