@@ -14,7 +14,7 @@ mod settings;
 mod tls;
 mod views;
 
-pub(crate) use partly::in_plane_scan;
+pub(crate) use partly::{diffuser, in_plane_scan};
 pub(crate) use scans::noisy_lobe;
 
 use serde_json::Value;

@@ -1,6 +1,10 @@
-//! Materials of which too few directions were measured: no albedo, no picture of a ball, no file of a renderer.
+//! Materials of which too few directions were measured, and measurements that contradict physics: the program says so,
+//! and `--strict` refuses.
 
 use super::{done, json, refused};
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
 
 /// A glossy surface, in the plane of incidence with signed angles of the detector, as a table of a goniometer.
 pub(crate) fn in_plane_scan() -> String {
@@ -15,6 +19,42 @@ pub(crate) fn in_plane_scan() -> String {
         }
     }
     text
+}
+
+/// A diffuser measured all round, whose values are those of a reflectance of `reflectance`.
+pub(crate) fn diffuser(reflectance: f64) -> String {
+    let mut text = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n\
+                    # angle_unit: deg\n# isotropic: true\ntheta_i,theta_o,phi_o,value\n"
+        .to_owned();
+    for theta_i in [0, 30, 60] {
+        for (theta_o, phi) in (0..=85).step_by(5).flat_map(|theta| (0..=180).step_by(15).map(move |phi| (theta, phi))) {
+            let ripple = 1.0 + 0.02 * f64::from(theta_o + phi).to_radians().sin();
+            writeln!(text, "{theta_i},{theta_o},{phi},{:.6}", reflectance * ripple / std::f64::consts::PI).unwrap();
+        }
+    }
+    text
+}
+
+/// `diffuser(0.9)` with other values, made of the outgoing angles and each value.
+fn changed(value_of: impl Fn([f64; 2], f64) -> f64) -> String {
+    let line = |line: &str| {
+        let cells: Vec<f64> = line.split(',').filter_map(|cell| cell.parse().ok()).collect();
+        match cells[..] {
+            [theta_i, theta_o, phi_o, value] => {
+                format!("{theta_i},{theta_o},{phi_o},{:.6}\n", value_of([theta_o, phi_o], value))
+            }
+            _ => format!("{line}\n"),
+        }
+    };
+    diffuser(0.9).lines().map(line).collect()
+}
+
+/// Exit code, stdout and stderr of a run in a directory.
+fn run(at: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wavelume"));
+    let output = command.args(args).current_dir(at).stdin(Stdio::null()).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
 #[test]
@@ -58,4 +98,50 @@ fn a_scan_in_one_plane_has_no_albedo_ball_or_rgl_file() {
         "{refusal}"
     );
     assert!(!directory.path().join("b.wlm").exists());
+}
+
+#[test]
+fn a_measurement_that_contradicts_physics_is_warned_of_and_strict_refuses_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let warnings = |file: &str, text: &str| -> (Vec<String>, String) {
+        std::fs::write(at.join(file), text).unwrap();
+        let (code, sheet, stderr) = run(at, &["compress", file, "-o", "m.wlm"]);
+        assert_eq!(code, Some(0), "{stderr}");
+        let lines = stderr.lines().map(|line| line.trim_start_matches("wavelume: warning: ").to_owned());
+        let found: Vec<String> = lines.collect();
+        assert!(found.iter().all(|warning| sheet.contains(warning)), "{sheet}");
+        std::fs::remove_file(at.join("m.wlm")).unwrap();
+        let (code, _, refusal) = run(at, &["compress", file, "-o", "m.wlm", "--strict"]);
+        assert_eq!(
+            (code, at.join("m.wlm").exists()),
+            (Some(i32::from(!found.is_empty())), found.is_empty()),
+            "{refusal}"
+        );
+        (found, refusal)
+    };
+    assert_eq!(warnings("paper.csv", &diffuser(0.9)).0, Vec::<String>::new());
+    let (percent, refusal) = warnings("percent.csv", &diffuser(90.0));
+    assert_eq!(percent.len(), 1, "{percent:?}");
+    assert!(percent[0].starts_with("albedo above 1 under 3 of 3 incoming directions: 90."), "{percent:?}");
+    assert!(
+        percent[0].ends_with("values in per cent would have an albedo of 0.901 after division by 100"),
+        "{percent:?}"
+    );
+    assert!(refusal.contains("refused by the option `strict`: albedo above 1 under 3 of 3"), "{refusal}");
+    let (bright, _) = warnings("bright.csv", &diffuser(1.2));
+    assert!(bright[0].ends_with("the scale, the cosine or the reference may be wrong"), "{bright:?}");
+    // The cosine is in the values, though the file says that it is not.
+    let cosine = changed(|[theta_o, _], value| value * theta_o.to_radians().cos());
+    let (unreciprocal, _) = warnings("cosine.csv", &cosine);
+    assert!(
+        unreciprocal[0].starts_with("f(wi, wo) and f(wo, wi), equal by reciprocity, differ by "),
+        "{unreciprocal:?}"
+    );
+    let (negative, _) =
+        warnings("negative.csv", &changed(|[_, phi_o], value| if phi_o == 15.0 { -value } else { value }));
+    assert!(
+        negative.iter().any(|warning| warning.contains("values (") && warning.contains("are negative")),
+        "{negative:?}"
+    );
 }

@@ -1,6 +1,7 @@
-//! Materials of which too few directions were measured, over HTTP: the sentences of the command line.
+//! Materials of which too few directions were measured, and strict requests, over HTTP: the same sentences as on the
+//! command line.
 
-use crate::cli::in_plane_scan;
+use crate::cli::{diffuser, in_plane_scan};
 use crate::service::{Service, config, problem};
 use reqwest::StatusCode;
 use serde_json::{Value, json};
@@ -41,5 +42,30 @@ async fn a_scan_in_one_plane_has_no_albedo_ball_or_rgl_file() {
     bounded["albedo_error"] = json!(0.01);
     let job = service.compress(&bounded).await;
     assert_eq!(job["problem"]["type"], "urn:wavelume:problem:bad-setting", "{job}");
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn strict_requests_refuse_what_is_warned_of() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let bright = service.upload("?filename=bright.csv", diffuser(90.0)).await;
+    let request =
+        |strict: bool| json!({ "measurement": bright["id"], "target": { "er_l2": 0.0001 }, "strict": strict });
+    let job = service.compress(&request(true)).await;
+    assert_eq!((job["state"].as_str(), job["material"].is_null()), (Some("failed"), true), "{job}");
+    assert_eq!(job["problem"]["type"], "urn:wavelume:problem:unreachable-target", "{job}");
+    assert!(
+        job["problem"]["detail"].as_str().unwrap().contains("refused by the option `strict`: albedo above 1"),
+        "{job}"
+    );
+    let job = service.compress(&request(false)).await;
+    let path = format!("/v1/materials/{}", job["material"].as_str().unwrap());
+    let material: Value = service.get(&path).send().await.unwrap().json().await.unwrap();
+    let notes = material["notes"].as_array().unwrap();
+    assert!(
+        notes.iter().any(|note| note["code"] == "check-albedo-above-one" && note["kind"] == "warning"),
+        "{material}"
+    );
     service.stop().await;
 }

@@ -20,6 +20,9 @@ use crate::formats::{Acquisition, Note, Samples, not_wider};
 use crate::notes::ProjectionNote;
 use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
 
+/// Code of the note on a directional albedo above 1 of a measurement.
+const ALBEDO_ABOVE_ONE: &str = "check-albedo-above-one";
+
 /// Result of a compression: the compressed material and its report.
 ///
 /// ```
@@ -77,13 +80,16 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
 
 /// Adds the warnings about scattered samples to the report of a compression. With the option `strict` they are errors
 /// instead.
-fn judged(Judged { mut outcome, warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
+fn judged(Judged { mut outcome, mut warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
+    let Report { quantity, light_at_samples, notes, .. } = &outcome.report;
+    // The check of the cells says it already.
+    let is_said = notes.iter().any(|note| note.code == ALBEDO_ABOVE_ONE);
+    let albedo = sample_light::too_bright(light_at_samples).filter(|_| quantity.has_cosine() && !is_said);
+    warnings.extend(albedo);
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(sentences(&warnings).join("; ")));
     }
-    let lights = &outcome.report.light_at_samples;
-    let albedo = sample_light::too_bright(lights).filter(|_| outcome.report.quantity.has_cosine());
-    outcome.report.notes.extend(warnings.into_iter().chain(albedo));
+    outcome.report.notes.extend(warnings);
     Ok(outcome)
 }
 
@@ -145,6 +151,10 @@ fn compressed(
     };
     let measured = measured_share(&measurement, settings.metadata.as_deref());
     measured::check(measured, request.albedo_error)?;
+    let implausible = projection::implausible(&measurement, promised(request.target, 0.0));
+    if request.strict && !implausible.is_empty() {
+        return Err(PipelineError::Strict(sentences(&implausible).join("; ")));
+    }
     let auto = AutoReport::of(&settings, acquisition, &measurement, scatter.noise);
     settings.target = auto.map_or(settings.target, |auto| auto.target());
     let target = settings.target;
@@ -192,7 +202,7 @@ fn compressed(
     let found = Measured { fit, at_cells, material: material.as_ref(), share: measured };
     let mut report = report(acquisition, target, samples, (coverage, lobe), found, &compressed)?;
     report.auto = auto;
-    report.notes.extend(unresolved);
+    report.notes.extend(unresolved.into_iter().chain(implausible));
     if report.within_2u.is_none() {
         report.within_2u = within_2u;
     }
