@@ -4,7 +4,7 @@ use super::declared::{all_stated, argument, declared_args, refusal};
 use super::decode::decode;
 use super::failure::Failure;
 use super::input::read_file;
-use super::output::{Sheet, count, per_cent, print, print_json, write_file};
+use super::output::{Sheet, count, per_cent, print, print_json, warn, write_file};
 use super::request::ThreadsArgs;
 use crate::domain::{Axis, Declared};
 use crate::evaluate::Material;
@@ -14,6 +14,7 @@ use crate::pipeline::{OnGrid, export_on_grid};
 use clap::{ArgMatches, Command};
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -102,6 +103,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         write_file(path, format!("{manifest}\n").as_bytes())?;
         answer["manifest"] = json!(path.display().to_string());
     }
+    // A terminal shows the warning in the report.
+    if let Some(warning) = summary.warning.as_deref().filter(|_| args.json || !std::io::stdout().is_terminal()) {
+        warn(warning);
+    }
     if args.json {
         answer["bytes"] = json!(bytes.len());
         return print_json(&Answer { answer, summary: &summary });
@@ -115,6 +120,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn sheet(summary: &Summary, bytes: usize) -> Sheet {
     let mut sheet = Sheet::default();
+    if let Some(warning) = &summary.warning {
+        sheet.line("warning", warning);
+    }
     sheet.line("format", summary.format);
     sheet.line("resolution", &summary.resolution);
     sheet.line("unit", &summary.unit);

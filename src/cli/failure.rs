@@ -124,7 +124,7 @@ impl From<ExportError> for Failure {
             ExportError::Colour(error) => error.into(),
             ExportError::Format(error) if error.kind == FormatErrorKind::OverLimit => Self::usage(error),
             ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit { .. } => Self::usage(error),
-            ExportError::Format(_) => Self::failed(error),
+            ExportError::Format(_) | ExportError::Strict(_) => Self::failed(error),
         }
     }
 }

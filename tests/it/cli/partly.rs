@@ -1,7 +1,8 @@
-//! Materials of which too few directions were measured, and measurements that contradict physics: the program says so,
-//! and `--strict` refuses.
+//! Materials of which too few directions were measured, measurements that contradict physics, and files that add more
+//! error than a material promises: the program says so first, and `--strict` refuses.
 
 use super::{done, json, refused};
+use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -144,4 +145,33 @@ fn a_measurement_that_contradicts_physics_is_warned_of_and_strict_refuses_it() {
         negative.iter().any(|warning| warning.contains("values (") && warning.contains("are negative")),
         "{negative:?}"
     );
+}
+
+#[test]
+fn a_file_that_adds_more_error_than_promised_says_so_first_and_strict_refuses_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::write(at.join("paper.csv"), diffuser(0.9)).unwrap();
+    let (code, ..) = run(at, &["compress", "paper.csv", "-o", "m.wlm", "--er-l2", "0.0001"]);
+    assert_eq!(code, Some(0));
+    let rough = ["export", "m.wlm", "--format", "rgl", "--side", "2", "--step", "45", "-o", "rough.bsdf"];
+    let (code, sheet, warning) = run(at, &rough);
+    assert_eq!(code, Some(0), "{warning}");
+    let said = warning.trim_end().strip_prefix("wavelume: warning: ").unwrap();
+    assert!(
+        said.starts_with("the file adds er(L2) ") && said.ends_with("more than the 0.01 % that the material promises"),
+        "{said}"
+    );
+    let first = sheet.lines().nth(1).unwrap();
+    assert_eq!(first.split_whitespace().next(), Some("warning"), "{sheet}");
+    let (_, answer, _) = run(at, &[&rough[..], &["--json"]].concat());
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!(answer["warning"], said, "{answer}");
+    std::fs::remove_file(at.join("rough.bsdf")).unwrap();
+    let (code, _, refusal) = run(at, &[&rough[..], &["--strict"]].concat());
+    assert_eq!((code, at.join("rough.bsdf").exists()), (Some(1), false), "{refusal}");
+    assert!(refusal.contains(&format!("refused by the option `strict`: {said}")), "{refusal}");
+    // An array adds nothing.
+    let (code, sheet, stderr) = run(at, &["export", "m.wlm", "--format", "npy", "-o", "m.npy", "--strict"]);
+    assert!(code == Some(0) && stderr.is_empty() && !sheet.contains("warning"), "{stderr}");
 }

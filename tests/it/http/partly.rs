@@ -67,5 +67,14 @@ async fn strict_requests_refuse_what_is_warned_of() {
         notes.iter().any(|note| note["code"] == "check-albedo-above-one" && note["kind"] == "warning"),
         "{material}"
     );
+    let rough = format!("{path}/export?format=rgl&side=2&step=45");
+    let response = service.get(&rough).send().await.unwrap();
+    let stated = response.headers()["wavelume-export-error"].to_str().unwrap().to_owned();
+    assert!(stated.ends_with(", promise=\"broken\""), "{stated}");
+    let refusal = problem(service.get(&format!("{rough}&strict=true")), 422, "not-available").await;
+    let detail = refusal["detail"].as_str().unwrap();
+    assert!(detail.starts_with("refused by the option `strict`: the file adds er(L2) "), "{detail}");
+    let array = service.get(&format!("{path}/export?format=npy&strict=true")).send().await.unwrap();
+    assert_eq!(array.status(), StatusCode::OK);
     service.stop().await;
 }

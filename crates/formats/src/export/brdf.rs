@@ -247,7 +247,8 @@ fn exported(
     Exported {
         bytes,
         about: Summary {
-                format,
+            warning: None,
+            format,
             resolution,
             unit,
             lost,

@@ -36,14 +36,14 @@ pub(super) fn is_whole(material: &Material, writer: &Writer) -> Result<(), Evalu
     writer.whole.map_or(Ok(()), |file| material.needs_whole(file))
 }
 
-/// Refuses export options other than `index` that have no effect in `format`; `known` names those that it accepts.
+/// Refuses export options other than `index` and `strict` that have no effect in `format`; `known` names those that it accepts.
 pub(super) fn unused(
     format: &'static str,
     options: &ExportOptions,
     known: &[(&'static str, &'static str)],
 ) -> Result<(), ExportError> {
-    // The check of the index has messages of its own.
-    let mut stated = options.stated().filter(|option| *option != "index");
+    // The check of the index has messages of its own, and every format can be strict.
+    let mut stated = options.stated().filter(|option| !matches!(*option, "index" | "strict"));
     match stated.find(|option| known.iter().all(|(name, _)| name != option)) {
         Some(option) => setting(OptionError::Unused { option, format }),
         None => Ok(()),

@@ -209,7 +209,7 @@ impl Lamp {
         let (filled, clipped) = (self.filled, self.clipped);
         Ok(Exported {
             bytes,
-            about: Summary { format, resolution, unit, lost, filled, clipped, flux_error, lamp, error },
+            about: Summary { warning: None, format, resolution, unit, lost, filled, clipped, flux_error, lamp, error },
         })
     }
 }

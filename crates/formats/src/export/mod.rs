@@ -41,6 +41,7 @@ mod luminaire;
 mod measure;
 mod options;
 mod phase;
+mod promise;
 mod read_back;
 mod resolution;
 mod spectra;
@@ -64,6 +65,7 @@ use crate::domain::{Declared, Measurement};
 use crate::evaluate::Interpolation;
 use crate::evaluate::Material;
 use error::setting;
+pub(crate) use promise::kept;
 use writer::{Write, Writer};
 
 // A new format needs its module and a line here.
@@ -111,7 +113,10 @@ pub fn export(material: &Material, format: ExportFormat, options: &ExportOptions
     let writer = format.writer();
     fits::check(material, writer, options, writers())?;
     match writer.write {
-        Write::Entry(write) | Write::Entries(write) => write(material, options),
+        Write::Entry(write) | Write::Entries(write) => {
+            let promised = material.summary().map(|summary| summary.promised_er_l2());
+            kept(write(material, options)?, promised, options)
+        }
         Write::Samples(_) => setting(OptionError::Undecoded { format: writer.name }),
     }
 }

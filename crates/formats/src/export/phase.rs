@@ -71,6 +71,7 @@ fn tabphase(material: &Material, options: &ExportOptions) -> Result<Exported, Ex
         });
     }
     let about = Summary {
+        warning: None,
         format: TABPHASE.name,
         resolution: format!("{count} cosines"),
         unit: material.unit().to_string(),

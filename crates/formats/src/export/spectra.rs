@@ -129,6 +129,7 @@ fn finish(
     };
     let error = AddedError::of("every sample", samples.len(), &ErrorReport::measure(samples, found, 0.0));
     let about = Summary {
+        warning: None,
         format,
         resolution: format!("{spectra} spectra of {} samples", samples.len() / spectra),
         unit: material.unit().to_string(),
