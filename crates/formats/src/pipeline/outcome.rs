@@ -6,7 +6,7 @@ use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
 use super::light;
 use super::measured;
 use super::provenance::provenance;
-use super::refinement::{Refined, refined, warning};
+use super::refinement::{Refined, above_noise, refined, warning};
 use super::report::{Measured, Report, report};
 use super::request::{Curve, Request};
 use super::sample_light::{self, LightSums, Scanned, Untold};
@@ -185,6 +185,7 @@ fn compressed(
         let is_named = request.outgoing_level.is_some();
         let of_lobe = (&scatter, lobe.as_ref());
         warnings = warnings_of(&compressed.summary, (&found, &at_samples), of_lobe, is_named);
+        let above_noise = above_noise(&found, promised);
         fit = Some((found, at_samples));
         if request.metadata {
             let whole = compress::with_metadata(&compressed.bytes, &provenance(Some((&found, &sentences(&warnings)))));
@@ -194,6 +195,8 @@ fn compressed(
                 compressed.bytes = whole;
             }
         }
+        // The numbers in the metadata say it, too.
+        warnings.extend(above_noise);
     }
     let unresolved = match &lobe {
         Some(carried) => not_wider(&acquisition.instrument, carried.full_width[0].min(carried.full_width[1])),
