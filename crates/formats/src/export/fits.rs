@@ -36,7 +36,8 @@ pub(super) fn is_whole(material: &Material, writer: &Writer) -> Result<(), Evalu
     writer.whole.map_or(Ok(()), |file| material.needs_whole(file))
 }
 
-/// Refuses export options other than `index` and `strict` that have no effect in `format`; `known` names those that it accepts.
+/// Refuses export options other than `index` and `strict` that have no effect in `format`; `known` names those that it
+/// accepts.
 pub(super) fn unused(
     format: &'static str,
     options: &ExportOptions,

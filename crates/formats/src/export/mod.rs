@@ -87,7 +87,8 @@ fn writers() -> impl Iterator<Item = &'static Writer> {
     ExportFormat::ALL.iter().map(|format| format.writer())
 }
 
-/// Name of the files of a format, in words, if they define values in all directions, so that all must have been measured.
+/// Name of the files of a format, in words, if they define values in all directions, so that all must have been
+/// measured.
 pub(crate) fn whole_file(format: ExportFormat) -> Option<&'static str> {
     format.writer().whole
 }

@@ -179,7 +179,7 @@ pub(super) fn report(
     let material = material.filter(|_| has_lobes(&summary.axes));
     let incidences = material.and_then(|material| IncidenceReport::of(material, noise));
     let promised = promised(target, summary.errors.er_l2);
-    // What is summed over a part of the directions is no albedo and no flux.
+    // Sums over a part of the directions are no albedo and no flux.
     let is_whole = share.is_none_or(|share| share.is_whole());
     let light = compressed.light.filter(|_| is_whole);
     let warnings = [

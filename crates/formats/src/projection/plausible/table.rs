@@ -53,8 +53,8 @@ impl<'a> Table<'a> {
         (block > 0 && self.values.len() % block == 0).then_some(self)
     }
 
-    /// Returns true if the outgoing directions have no azimuths, although light comes in obliquely: they lie on one side
-    /// of the plane of incidence and cover no area.
+    /// Returns true if the outgoing directions have no azimuths, although light comes in obliquely: they lie on one
+    /// side of the plane of incidence and cover no area.
     pub(super) fn is_half_plane(&self) -> bool {
         self.outgoing.is_isotropic()
             && (0..self.incoming.len()).any(|incoming| self.incoming.degrees(incoming)[0] > 0.0)
