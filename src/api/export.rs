@@ -181,8 +181,9 @@ fn stated(about: &Summary) -> String {
         (None, Some(flux)) => format!(", flux={flux:.6}"),
         (None, None) => String::new(),
     };
+    let promise = if about.warning.is_some() { ", promise=\"broken\"" } else { "" };
     format!(
-        "er_l2={:.6}, er_l1={:.6}, max={:.6}, relative_rmse={:.6}, pairs={}, of=\"{}\"{luminaire}",
+        "er_l2={:.6}, er_l1={:.6}, max={:.6}, relative_rmse={:.6}, pairs={}, of=\"{}\"{luminaire}{promise}",
         error.er_l2, error.er_l1, error.max_relative_error, error.relative_rmse, error.pairs, error.compared
     )
 }

@@ -51,7 +51,8 @@ pub(super) struct ExportedFile;
 /// export adds to a material.
 const ERROR: &str = "Error that the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
                      relative_rmse, pairs (number of compared pairs of directions), of (kind of the compared values), and for \
-                     luminaires peak, flux (both relative), rms_of_peak and er_l2_bright (over intensities above 1 % of the peak)";
+                     luminaires peak, flux (both relative), rms_of_peak and er_l2_bright (over intensities above 1 % of the peak); \
+                     promise=\"broken\" ends it if er_l2 exceeds the error that the material promises";
 
 impl IntoResponses for ExportedFile {
     fn responses() -> BTreeMap<String, RefOr<Response>> {

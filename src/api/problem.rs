@@ -323,6 +323,7 @@ impl From<ExportError> for Problem {
     fn from(error: ExportError) -> Self {
         match error {
             ExportError::Unfit(error) => Self::new(Kind::NotAvailable, error.to_string()),
+            ExportError::Strict(_) => Self::new(Kind::NotAvailable, error.to_string()),
             ExportError::Setting(error) => Self::new(Kind::BadSetting, error.to_string()),
             ExportError::OverLimit { .. } => Self::new(Kind::OverLimit, error.to_string()),
             ExportError::Format(error) => {

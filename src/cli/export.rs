@@ -4,7 +4,7 @@ use super::declared::{all_stated, argument, declared_args, refusal};
 use super::failure::Failure;
 use super::guard::{Outputs, manifest_of_array};
 use super::opened::Opened;
-use super::output::{Sheet, count, per_cent, print, print_json, write_file};
+use super::output::{Sheet, count, per_cent, print, print_json, warn, write_file};
 use super::request::ThreadsArgs;
 use crate::compress::{self, Decoded};
 use crate::domain::{Axis, Declared};
@@ -15,6 +15,7 @@ use crate::pipeline::{OnGrid, export_on_grid};
 use clap::{ArgMatches, Command};
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -118,6 +119,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         write_file(path, format!("{manifest}\n").as_bytes())?;
         answer["manifest"] = json!(path.display().to_string());
     }
+    // A terminal shows the warning in the report.
+    if let Some(warning) = summary.warning.as_deref().filter(|_| args.json || !std::io::stdout().is_terminal()) {
+        warn(warning);
+    }
     if args.json {
         answer["bytes"] = json!(bytes.len());
         return print_json(&Answer { answer, summary: &summary });
@@ -131,6 +136,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn sheet(summary: &Summary, bytes: usize) -> Sheet {
     let mut sheet = Sheet::default();
+    if let Some(warning) = &summary.warning {
+        sheet.line("warning", warning);
+    }
     sheet.line("format", summary.format);
     sheet.line("resolution", &summary.resolution);
     sheet.line("unit", &summary.unit);

@@ -80,7 +80,9 @@ impl From<PipelineError> for Failure {
             {
                 Self::usage(error)
             }
-            PipelineError::Wavelengths(_) | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(error),
+            PipelineError::Wavelengths(_)
+            | PipelineError::Unbounded(_)
+            | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(error),
             PipelineError::Format(_)
             | PipelineError::Spectrum(_)
             | PipelineError::Projection(_)
@@ -122,7 +124,7 @@ impl From<ExportError> for Failure {
             ExportError::Colour(error) => error.into(),
             ExportError::Format(error) if error.kind == FormatErrorKind::OverLimit => Self::usage(error),
             ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit { .. } => Self::usage(error),
-            ExportError::Format(_) => Self::failed(error),
+            ExportError::Format(_) | ExportError::Strict(_) => Self::failed(error),
         }
     }
 }

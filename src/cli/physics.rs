@@ -61,6 +61,9 @@ impl Answer {
         let mut sheet = Sheet::default();
         sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
         axes_lines(&mut sheet, &self.axes);
+        if let Some(reason) = &self.energy.reason {
+            sheet.line("energy", reason);
+        }
         if let Some(albedo) = &self.energy.albedo {
             albedo_lines(&mut sheet, albedo);
         }

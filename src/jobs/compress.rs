@@ -149,9 +149,9 @@ impl From<PipelineError> for Failure {
         match &error {
             PipelineError::Compress(CompressError::Cancelled(_)) => Self::Stopped,
             PipelineError::Format(_) | PipelineError::Spectrum(_) => last(Code::UnreadableMeasurement, error),
-            PipelineError::Wavelengths(_) | PipelineError::Compress(CompressError::Setting(_)) => {
-                last(Code::BadSetting, error)
-            }
+            PipelineError::Wavelengths(_)
+            | PipelineError::Unbounded(_)
+            | PipelineError::Compress(CompressError::Setting(_)) => last(Code::BadSetting, error),
             PipelineError::Projection(_) => last(Code::UnfitAxes, error),
             PipelineError::Compress(CompressError::Unreachable(_)) | PipelineError::Strict(_) => {
                 last(Code::UnreachableTarget, error)

@@ -8,6 +8,7 @@ mod guard;
 mod keys;
 mod materials;
 mod measured;
+mod partly;
 mod refusals;
 mod scans;
 mod service;
@@ -15,6 +16,7 @@ mod settings;
 mod tls;
 mod views;
 
+pub(crate) use partly::{diffuser, in_plane_scan};
 pub(crate) use scans::noisy_lobe;
 
 use serde_json::Value;

@@ -16,6 +16,7 @@ mod jobs;
 mod keys;
 mod made_elsewhere;
 mod nodes;
+mod partly;
 mod queries;
 mod resumable;
 mod secure;

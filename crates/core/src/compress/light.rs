@@ -268,7 +268,7 @@ pub(crate) fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec
 
 /// Integration weights of the polar angles of a grid: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, with f linear between the
 /// angles and constant beyond the ends.
-fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
+pub(crate) fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let from_pole = if matches!(grid.frame(), Frame::TypeA | Frame::TypeB) { 90.0 } else { 0.0 };
     let angles: Vec<f64> = grid.polar().iter().map(|angle| (angle + from_pole).to_radians()).collect();
     let (low, high) = grid.covers();

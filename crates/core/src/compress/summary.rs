@@ -3,6 +3,7 @@
 use super::between::Between;
 use super::policy::Policy;
 use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
+use serde_json::Value;
 
 /// Properties of a compressed material that are known from its header.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,4 +40,14 @@ pub struct Summary {
     pub errors: ErrorReport,
     /// Text of the metadata chunk; `None` without one.
     pub metadata: Option<String>,
+}
+
+impl Summary {
+    /// Returns the root mean square relative error er(L2) that the material promises: that of the request for its
+    /// compression, if the metadata state it and the file keeps it, or else the error that the file reached.
+    pub fn promised_er_l2(&self) -> f64 {
+        let document: Option<Value> = self.metadata.as_deref().and_then(|text| serde_json::from_str(text).ok());
+        let asked = document.and_then(|document| document["request"]["target"]["er_l2"].as_f64());
+        asked.map_or(self.errors.er_l2, |asked| asked.max(self.errors.er_l2))
+    }
 }

@@ -460,10 +460,7 @@ impl DirectionGrid {
         if !self.covers_polar(polar) {
             return None;
         }
-        let is_pole = {
-            let (least, largest) = self.frame.polar_range();
-            polar <= least + ROUNDING || polar >= largest - ROUNDING
-        };
+        let is_pole = self.is_at_pole(polar);
         let azimuth = self.azimuths.as_ref().map_or(0.0, |azimuths| azimuths.folded(azimuth));
         let (low, high) = self.covers_azimuths;
         let azimuth = if (low..=high).contains(&azimuth) {
@@ -471,9 +468,7 @@ impl DirectionGrid {
         } else if is_pole {
             low
         } else {
-            // The circle of latitude is shorter than the equator.
-            let latitude = if self.frame.polar_range().0 < 0.0 { 90.0 - polar.abs() } else { polar };
-            let border = BORDER / libm::sin(latitude.to_radians()).abs();
+            let border = self.border(polar);
             // An azimuth just below the first one is counted from it around the circle.
             let beyond = |azimuth: f64| (azimuth - azimuth.clamp(low, high)).abs();
             let near = if beyond(azimuth - 360.0) < beyond(azimuth) { azimuth - 360.0 } else { azimuth };
@@ -484,6 +479,20 @@ impl DirectionGrid {
         };
         let first = if self.is_polar_mirrored { -self.polar[0] } else { self.polar[0] };
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
+    }
+
+    /// Returns true if all azimuths at a polar angle in degrees are one direction.
+    pub(crate) fn is_at_pole(&self, polar: f64) -> bool {
+        let (least, largest) = self.frame.polar_range();
+        polar <= least + ROUNDING || polar >= largest - ROUNDING
+    }
+
+    /// Returns the difference of azimuths in degrees, at a polar angle in degrees, within which a direction counts as
+    /// on the border of the grid.
+    pub(crate) fn border(&self, polar: f64) -> f64 {
+        // The circle of latitude is shorter than the equator.
+        let latitude = if self.frame.polar_range().0 < 0.0 { 90.0 - polar.abs() } else { polar };
+        BORDER / libm::sin(latitude.to_radians()).abs()
     }
 
     /// Returns true if the grid covers the polar angle `polar` (degrees), which must not be negative if latitudes are

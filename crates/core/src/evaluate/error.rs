@@ -1,5 +1,6 @@
 //! Reasons why a material cannot answer a query.
 
+use super::measured::MeasuredShare;
 use crate::compress::DecodeError;
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{AxisError, Domain, Quantity, TensorError};
@@ -176,6 +177,14 @@ pub enum QueryError {
         need: Need,
         /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
+    },
+    /// The request needs all outgoing directions, of which too few were measured.
+    #[error("no {asked}: {measured}, expected 80 % or more in solid angle{weight}", weight = measured.weight())]
+    PartlyMeasured {
+        /// Result that needs all outgoing directions, in words.
+        asked: &'static str,
+        /// Measured share of the outgoing directions.
+        measured: MeasuredShare,
     },
     /// Reflected or transmitted light alone is requested of a quantity that does not distinguish the two.
     #[error("this {quantity} has no reflected and transmitted side, expected a brdf, btdf or bsdf")]

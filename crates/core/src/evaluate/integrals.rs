@@ -35,6 +35,7 @@ impl Material {
         how: Interpolation,
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
+        self.needs_light()?;
         let cells = self.over_triangles()?;
         cells.check_side(side)?;
         let [n_in, _, lambdas] = cells.geometry().shape();
@@ -84,6 +85,7 @@ impl Material {
         finer: u8,
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
+        self.needs_light()?;
         let cells = self.over_triangles()?;
         cells.check_side(side)?;
         let mut value = vec![0.0; self.lambdas()];

@@ -10,6 +10,8 @@ use super::geometry::Geometry;
 use super::incoming::Alignment;
 use super::lobed::Lobed;
 use super::lookup::MeshLookup;
+use super::measured::MeasuredShare;
+use super::measuring::FilledCells;
 use super::place::{Beyond, Interpolation, Place};
 use super::planes::Planes;
 use super::report::OpenedReport;
@@ -44,6 +46,8 @@ use std::sync::{Arc, OnceLock};
 pub struct Material {
     body: Body,
     summary: Option<Summary>,
+    /// Measured share of the outgoing directions; `None` for data without outgoing directions.
+    pub(super) measured: Option<MeasuredShare>,
 }
 
 /// Radiometric function of direction and wavelength, built from the samples of a material.
@@ -95,25 +99,31 @@ impl Material {
     /// Opens a measurement. Selects the rule, the best one for the data, by which lobes move with the incoming
     /// direction in interpolation.
     pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
-        Self::on_course(measurement, Course::default())
+        Self::on_course(measurement, Course::default(), &FilledCells::default())
     }
 
     /// Opens a measurement with a given rule by which lobes move with the incoming direction in interpolation.
     pub fn with_alignment(measurement: Measurement, alignment: Alignment) -> Result<Self, EvaluateError> {
-        Self::on_course(measurement, Course { alignment: Some(alignment), ..Course::default() })
+        Self::on_course(
+            measurement,
+            Course { alignment: Some(alignment), ..Course::default() },
+            &FilledCells::default(),
+        )
     }
 
     /// Opens a measurement with a given interpolation between incoming directions. If the quantity or the axes do not
     /// allow that interpolation, the default is used: linear, without a divisor.
     pub fn with_between(measurement: Measurement, between: Between) -> Result<Self, EvaluateError> {
-        Self::on_course(measurement, Course { between, ..Course::default() })
+        Self::on_course(measurement, Course { between, ..Course::default() }, &FilledCells::default())
     }
 
-    fn on_course(measurement: Measurement, mut course: Course) -> Result<Self, EvaluateError> {
+    /// Opens a measurement. `filled` are the cells whose values a rule filled in.
+    fn on_course(measurement: Measurement, mut course: Course, filled: &FilledCells) -> Result<Self, EvaluateError> {
         if !course.between.fits(measurement.quantity, measurement.tensor.axes()) {
             course.between = Between::default();
         }
         let geometry = Geometry::new(&measurement)?;
+        let measured = MeasuredShare::of(&measurement, filled);
         let body = if geometry.is_grid() {
             let stated = Box::new(Stated::new(&measurement, geometry, course));
             Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() }
@@ -122,7 +132,7 @@ impl Material {
             let function = Function::new(measurement, geometry, course);
             Body::Cells(Cells { function, trees: OnceLock::new(), albedos, lobe: None })
         };
-        Ok(Self { body, summary: None })
+        Ok(Self { body, summary: None, measured })
     }
 
     /// Sets the weight, 0 to 1, of linear interpolation between samples on a grid of angles; cubic interpolation has
@@ -130,14 +140,15 @@ impl Material {
     /// luminaires and of MDL's measured materials use 1. Samples over triangles are unaffected.
     #[must_use]
     pub fn with_straight_lines(self, share: f32) -> Self {
-        match self.body {
-            Body::Cells(_) => self,
+        let Self { body, summary, measured } = self;
+        let body = match body {
+            Body::Cells(_) => body,
             Body::Grid { stated, .. } => {
                 let stated = Box::new(stated.with_straight(share.clamp(0.0, 1.0)));
-                let body = Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() };
-                Self { body, summary: self.summary }
+                Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() }
             }
-        }
+        };
+        Self { body, summary, measured }
     }
 
     /// Adds an analytic lobe to a BRDF sampled over triangles: evaluation gives the sum of both. The material stays as
@@ -161,7 +172,8 @@ impl Material {
             Body::Grid { stated, cells, .. } => {
                 let made = cells.get_or_init(|| {
                     let (alignment, between) = (Some(stated.lines().alignment()), stated.lines().between());
-                    Self::on_course(stated.cell_averages()?, Course { alignment, between }).map(Box::new)
+                    Self::on_course(stated.cell_averages()?, Course { alignment, between }, &FilledCells::default())
+                        .map(Box::new)
                 });
                 made.as_deref().map_err(Clone::clone)
             }
@@ -180,7 +192,9 @@ impl Material {
     /// Builds a material from the decoded contents of a compressed file. [`Material::summary`] then returns the file's
     /// header.
     pub fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
-        let mut material = Self::with_between(measurement, summary.between)?;
+        let course = Course { between: summary.between, ..Course::default() };
+        let filled = summary.metadata.as_deref().map_or_else(FilledCells::default, FilledCells::stated);
+        let mut material = Self::on_course(measurement, course, &filled)?;
         if let Some(lobe) = &summary.lobe {
             material = material.with_lobe(lobe.clone());
         }
@@ -231,6 +245,23 @@ impl Material {
     /// are extrapolated from that elevation.
     pub fn is_extrapolated(&self, wi: Option<Direction>) -> bool {
         wi.is_some_and(|wi| self.geometry().is_past_last(wi))
+    }
+
+    /// Measured share of the outgoing directions; `None` for data without outgoing directions.
+    pub fn measured_share(&self) -> Option<MeasuredShare> {
+        self.measured
+    }
+
+    /// Fails if less than 80 % of the outgoing directions were measured. `asked` names in the error what needs
+    /// all.
+    #[inline]
+    pub fn needs_whole(&self, asked: &'static str) -> Result<(), EvaluateError> {
+        self.measured.map_or(Ok(()), |measured| measured.needs_whole(asked))
+    }
+
+    /// Fails if too few outgoing directions were measured for an albedo, a flux or another integral over them.
+    pub(super) fn needs_light(&self) -> Result<(), EvaluateError> {
+        self.measured.map_or(Ok(()), |measured| measured.needs_whole(measured.light()))
     }
 
     /// Reports memory and accuracy of the opened material.
@@ -489,6 +520,7 @@ impl Material {
     /// Samples over triangles from which directions are drawn, and the lookup of their outgoing mesh.
     #[inline]
     fn sampled(&self) -> Result<(&Cells, &Arc<MeshLookup>), EvaluateError> {
+        self.needs_whole("sample and no density (pdf)")?;
         let cells = match &self.body {
             Body::Cells(cells) => Some(cells),
             Body::Grid { .. } => self.over_triangles()?.cells(),

@@ -65,6 +65,8 @@ mod lobed;
 mod located;
 mod lookup;
 mod material;
+mod measured;
+mod measuring;
 mod mixed;
 mod mixture;
 pub mod physics;
@@ -94,6 +96,8 @@ pub use error::{Argument, Buffer, EvaluateError, Need, QueryError};
 pub use incoming::Alignment;
 pub use level_errors::state_levels;
 pub use material::Material;
+pub use measured::{MeasuredExtent, MeasuredShare};
+pub use measuring::measured_share;
 pub use place::{BEYOND, Beyond, INTERPOLATION, Interpolation, Place};
 pub use report::OpenedReport;
 pub use sampler::DirectionSample;
@@ -107,6 +111,8 @@ pub use wavelength_sampler::WavelengthSampler;
 mod batch_tests;
 #[cfg(test)]
 mod lobed_tests;
+#[cfg(test)]
+mod measured_tests;
 #[cfg(test)]
 mod mixture_tests;
 #[cfg(test)]

@@ -6,6 +6,7 @@ use super::form::Course;
 use super::geometry::{Geometry, in_plane};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lines::{Found, Incoming, Lines};
+use super::measured::{has_no_azimuths, has_planes, is_on_mirror_side};
 use super::place::{Beyond, Interpolation, Place};
 use super::samples::known_sum;
 use super::spectrum::between;
@@ -24,6 +25,8 @@ pub(super) struct Stated {
     geometry: Geometry,
     /// True if the samples are a list over the scattering angle between the incoming and the outgoing direction.
     is_scattering: bool,
+    /// True if a surface was measured on the mirror's side of the plane of incidence alone.
+    is_half_plane: bool,
     lines: Lines,
 }
 
@@ -39,14 +42,15 @@ impl Stated {
         let domain = domain_of(measurement.quantity);
         let first = candidates.first().copied().unwrap_or_default();
         let (samples, lambdas) = (measurement.tensor.samples(), geometry.lambdas());
-        let mut lines = Lines::new(samples, lambdas, incoming, geometry.outgoing_grid(), (domain, first));
+        let outgoing = geometry.outgoing_grid().map(|grid| (grid, has_planes(measurement.quantity, grid)));
+        let mut lines = Lines::new(samples, lambdas, incoming, outgoing, (domain, first));
         if geometry.shape()[0] > 1 && candidates.len() > 1 {
             let has_cosine = measurement.quantity.has_cosine();
             lines.align(geometry.entries(), &candidates, |d| if has_cosine { d[2].abs() } else { 1.0 });
         }
         lines.go(geometry.entries(), &course.between);
         let is_scattering = measurement.quantity == Quantity::Phase && is_list(&geometry);
-        Self { geometry, is_scattering, lines }
+        Self { geometry, is_scattering, is_half_plane: has_no_azimuths(measurement), lines }
     }
 
     /// Sets the fraction, 0..=1, of linear interpolation of samples; cubic interpolation has the rest.
@@ -111,6 +115,13 @@ impl Stated {
         wi[2] < 0.0 && self.geometry.is_isotropic() && !self.is_scattering
     }
 
+    /// Returns true if nothing is known for a pair of directions, because only one side of the plane of incidence was
+    /// measured. The incoming direction is at azimuth 0.
+    #[inline]
+    fn is_beside_plane(&self, wi: Vector, wo: Vector) -> bool {
+        self.is_half_plane && !is_on_mirror_side(wi, wo)
+    }
+
     /// Finds the samples that determine the value for a pair of directions; `None` outside the outgoing domain of the
     /// quantity.
     fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
@@ -122,6 +133,7 @@ impl Stated {
         match found {
             None => self.geometry.refuse_incoming(place.wi),
             Some(_) if self.is_outside(wo) => Ok(None),
+            Some(found) if self.is_beside_plane(wi, wo) => Ok(Some(found.without_samples())),
             found => Ok(found),
         }
     }
@@ -149,6 +161,8 @@ impl Stated {
             }
             if self.is_outside(wo) {
                 out.fill(0.0);
+            } else if self.is_beside_plane(wi, wo) {
+                out.fill(f32::NAN);
             }
             return Ok(());
         }
@@ -246,8 +260,13 @@ impl Stated {
         if !self.lines.spectra(entry, &wi, &wo, out) {
             return false;
         }
-        let rows = out.chunks_exact_mut(self.geometry.lambdas()).enumerate();
-        rows.filter(|(i, _)| self.is_outside(vector_of(&wo, *i))).for_each(|(_, out)| out.fill(0.0));
+        for (i, out) in out.chunks_exact_mut(self.geometry.lambdas()).enumerate() {
+            if self.is_outside(vector_of(&wo, i)) {
+                out.fill(0.0);
+            } else if self.is_beside_plane(vector_of(&wi, i), vector_of(&wo, i)) {
+                out.fill(f32::NAN);
+            }
+        }
         true
     }
 

@@ -400,14 +400,14 @@ fn albedos_of_steps_are_sums_over_their_patches() {
     // 0.5/π up to 30° from the normal and half of that beyond, with steps of 2e-5°; below the surface half of both.
     // Four incoming directions scale it by 1/4 to 1.
     let polar = [0.0, 29.999_99, 30.000_01, 90.0, 90.000_001, 149.999_99, 150.000_01, 180.0];
-    let outgoing = grid(Frame::Surface, polar.to_vec(), Some((vec![10.0, 130.0, 250.0], AzimuthExtent::Circle)));
+    let outgoing = grid(Frame::Surface, polar.to_vec(), Some((vec![10.0, 100.0, 190.0, 280.0], AzimuthExtent::Circle)));
     let incoming = grid(Frame::Surface, vec![0.0, 45.0], Some((vec![0.0, 180.0], AzimuthExtent::Circle)));
     let value = |angle: f64, incoming: usize| {
         let side = if angle > 90.0 { 0.25 } else { 0.5 };
         let ring = if angle.min(180.0 - angle) < 30.0 { 1.0 } else { 0.5 };
         (side * ring * (1.0 + incoming as f64) / 4.0 / std::f64::consts::PI) as f32
     };
-    let samples = (0..4).flat_map(|i| polar.iter().flat_map(move |&angle| [value(angle, i); 3])).collect();
+    let samples = (0..4).flat_map(|i| polar.iter().flat_map(move |&angle| [value(angle, i); 4])).collect();
     let tensor = Tensor::new(vec![Axis::Grid(incoming), Axis::Grid(outgoing)], samples).unwrap();
     let bsdf = Measurement::new(Quantity::Bsdf, Unit::PerSteradian, Sampling::Point, tensor).unwrap();
     let material = Material::of(bsdf).unwrap();

@@ -43,7 +43,7 @@ pub enum RoleError {
         expected: &'static str,
     },
     /// The requested entry of the index axes (axes of numbered entries) or the requested wavelengths do not fit the
-    /// material.
+    /// material, or too few of its directions were measured.
     #[error(transparent)]
     Query(#[from] EvaluateError),
 }

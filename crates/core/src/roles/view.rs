@@ -58,6 +58,7 @@ impl<'a> View<'a> {
             return Err(RoleError::Directions { quantity, found, expected });
         }
         material.entry(index)?;
+        material.needs_whole("sample, density (pdf) and integral")?;
         Ok(Self { material, index: Index::new(index) })
     }
 

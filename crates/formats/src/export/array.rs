@@ -19,6 +19,7 @@ pub(super) const NPY: Writer = Writer {
     media_type: "application/octet-stream",
     holds: "everything",
     fits: |_| true,
+    whole: None,
     options: &[],
     write: Write::Samples(array),
 };
@@ -56,6 +57,7 @@ pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Expor
     let report = ErrorReport::measure(tensor.samples(), found, 0.0);
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     let about = Summary {
+        warning: None,
         format: NPY.name,
         resolution: format!("{} samples", shape.join(" × ")),
         unit: measurement.unit.to_string(),

@@ -29,6 +29,7 @@ pub(super) const RGL: Writer = Writer {
     media_type: "application/octet-stream",
     holds: "a brdf over the upper hemisphere",
     fits: reflects,
+    whole: Some("rgl file"),
     options: &[
         ("side", "nodes along a side"),
         ("step", "degrees between incident directions"),
@@ -46,6 +47,7 @@ pub(super) const MERL: Writer = Writer {
     media_type: "application/octet-stream",
     holds: "an isotropic brdf with a colour (400 to 700 nm)",
     fits: |material| reflects(material) && is_isotropic(material) && has_colour(material),
+    whole: Some("MERL table"),
     options: &[],
     write: Write::Entry(merl),
 };
@@ -59,6 +61,7 @@ pub(super) const MBSDF: Writer = Writer {
     media_type: "application/octet-stream",
     holds: "an isotropic brdf, btdf or bsdf with a colour (400 to 700 nm)",
     fits: |material| scatters(material) && is_isotropic(material) && has_colour(material),
+    whole: Some("MDL measured BSDF"),
     options: &[("side", "polar angles")],
     write: Write::Entry(mbsdf),
 };
@@ -243,6 +246,17 @@ fn exported(
     let unit = Unit::PerSteradian.to_string();
     Exported {
         bytes,
-        about: Summary { format, resolution, unit, lost, filled, clipped, flux_error: None, lamp: None, error },
+        about: Summary {
+            warning: None,
+            format,
+            resolution,
+            unit,
+            lost,
+            filled,
+            clipped,
+            flux_error: None,
+            lamp: None,
+            error,
+        },
     }
 }

@@ -31,6 +31,9 @@ pub enum ExportError {
     /// The material has values that the format cannot hold, or more of them than its limits allow.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// Warning that the option `strict` turns into an error: the file adds more error than the material promises.
+    #[error("refused by the option `strict`: {0}")]
+    Strict(String),
     /// The material could not be evaluated for the export.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),

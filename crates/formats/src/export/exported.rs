@@ -16,6 +16,9 @@ pub struct Exported {
 /// Contents, resolution and errors of an exported file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
+    /// Warning that the file adds more error than the material promises; `None` if it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
     /// Name of the export format of the file.
     pub format: &'static str,
     /// Resolution at which the export sampled the material, in words: for example the number of angles.

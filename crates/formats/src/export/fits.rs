@@ -5,7 +5,7 @@ use super::options::{ExportOptions, STEPS};
 use super::resolution::cell_axes;
 use super::writer::{Write, Writer};
 use crate::domain::{Axis, Domain, Quantity};
-use crate::evaluate::Material;
+use crate::evaluate::{EvaluateError, Material};
 
 /// Domains that contain the directions above the surface: the upper hemisphere and the sphere.
 pub(super) const UPPER: &[Domain] = &[Domain::Hemisphere, Domain::Sphere];
@@ -23,6 +23,7 @@ pub(super) fn check(
         let (format, holds, found) = (writer.name, writer.holds, describe(material));
         return Err(UnfitError::Material { format, holds, found, fitting }.into());
     }
+    is_whole(material, writer)?;
     unused(writer.name, options, writer.options)?;
     if let Some(found) = options.step.filter(|step| !STEPS.allow(*step)) {
         return setting(OptionError::Step { found, limits: STEPS });
@@ -30,14 +31,20 @@ pub(super) fn check(
     index(material, writer, options)
 }
 
-/// Refuses export options other than `index` that have no effect in `format`; `known` names those that it accepts.
+/// Refuses a file that defines values in all directions for a material of which too few were measured.
+pub(super) fn is_whole(material: &Material, writer: &Writer) -> Result<(), EvaluateError> {
+    writer.whole.map_or(Ok(()), |file| material.needs_whole(file))
+}
+
+/// Refuses export options other than `index` and `strict` that have no effect in `format`; `known` names those that it
+/// accepts.
 pub(super) fn unused(
     format: &'static str,
     options: &ExportOptions,
     known: &[(&'static str, &'static str)],
 ) -> Result<(), ExportError> {
-    // The check of the index has messages of its own.
-    let mut stated = options.stated().filter(|option| *option != "index");
+    // The check of the index has messages of its own, and every format can be strict.
+    let mut stated = options.stated().filter(|option| !matches!(*option, "index" | "strict"));
     match stated.find(|option| known.iter().all(|(name, _)| name != option)) {
         Some(option) => setting(OptionError::Unused { option, format }),
         None => Ok(()),

@@ -28,6 +28,7 @@ pub(super) const LM63: Writer = Writer {
     media_type: "text/plain",
     holds: "a luminaire (edf) of one value, or a density over wavelength, by direction",
     fits: |material| Photometry::of(material).is_some(),
+    whole: None,
     options: &[("step", "degrees between angles")],
     write: Write::Entry(lm63),
 };
@@ -41,6 +42,7 @@ pub(super) const EULUMDAT: Writer = Writer {
     media_type: "text/plain",
     holds: "a luminaire (edf) in cd, cd/klm or visible watts by wavelength",
     fits: |material| Photometry::of(material).is_some_and(|photometry| photometry.is_luminous()),
+    whole: None,
     options: &[("step", "degrees between angles")],
     write: Write::Entry(eulumdat),
 };
@@ -207,7 +209,7 @@ impl Lamp {
         let (filled, clipped) = (self.filled, self.clipped);
         Ok(Exported {
             bytes,
-            about: Summary { format, resolution, unit, lost, filled, clipped, flux_error, lamp, error },
+            about: Summary { warning: None, format, resolution, unit, lost, filled, clipped, flux_error, lamp, error },
         })
     }
 }

@@ -41,6 +41,7 @@ mod luminaire;
 mod measure;
 mod options;
 mod phase;
+mod promise;
 mod read_back;
 mod resolution;
 mod spectra;
@@ -64,6 +65,7 @@ use crate::domain::{Declared, Measurement};
 use crate::evaluate::Interpolation;
 use crate::evaluate::Material;
 use error::setting;
+pub(crate) use promise::kept;
 use writer::{Write, Writer};
 
 // A new format needs its module and a line here.
@@ -85,9 +87,16 @@ fn writers() -> impl Iterator<Item = &'static Writer> {
     ExportFormat::ALL.iter().map(|format| format.writer())
 }
 
+/// Name of the files of a format, in words, if they define values in all directions, so that all must have been
+/// measured.
+pub(crate) fn whole_file(format: ExportFormat) -> Option<&'static str> {
+    format.writer().whole
+}
+
 /// Returns the formats to which `material` can be exported.
 pub fn fitting(material: &Material) -> Vec<ExportFormat> {
-    ExportFormat::ALL.iter().copied().filter(|format| (format.writer().fits)(material)).collect()
+    let is_fit = |writer: &Writer| (writer.fits)(material) && fits::is_whole(material, writer).is_ok();
+    ExportFormat::ALL.iter().copied().filter(|format| is_fit(format.writer())).collect()
 }
 
 /// Returns the help text of the option that chooses the export format: the name of each format with its description.
@@ -105,7 +114,10 @@ pub fn export(material: &Material, format: ExportFormat, options: &ExportOptions
     let writer = format.writer();
     fits::check(material, writer, options, writers())?;
     match writer.write {
-        Write::Entry(write) | Write::Entries(write) => write(material, options),
+        Write::Entry(write) | Write::Entries(write) => {
+            let promised = material.summary().map(|summary| summary.promised_er_l2());
+            kept(write(material, options)?, promised, options)
+        }
         Write::Samples(_) => setting(OptionError::Undecoded { format: writer.name }),
     }
 }

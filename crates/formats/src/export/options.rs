@@ -83,6 +83,8 @@ options! {
         pub rgb: bool = false => Values::Switch,
         /// Without this option the exported phase function is the mean over wavelengths.
         pub wavelength: Option<f64> = None => Values::Number { shown: "NM", limits: Limits::positive(" nm") },
+        /// Fails, instead of warning, if the file adds more error than the material promises.
+        pub strict: bool = false => Values::Switch,
     } beside {
         /// Upper bound on the size of the exported file, in bytes.
         pub most_bytes: usize = 4 * MAX_SAMPLES,

@@ -33,6 +33,7 @@ pub(super) const TABPHASE: Writer = Writer {
             && is_on(outgoing(material), &[Domain::Sphere])
             && !matches!(material.axes().last(), Some(Axis::Rgb))
     },
+    whole: Some("table of the phase function"),
     options: &[("side", "cosines"), ("wavelength", "wavelength in nm")],
     write: Write::Entry(tabphase),
 };
@@ -70,6 +71,7 @@ fn tabphase(material: &Material, options: &ExportOptions) -> Result<Exported, Ex
         });
     }
     let about = Summary {
+        warning: None,
         format: TABPHASE.name,
         resolution: format!("{count} cosines"),
         unit: material.unit().to_string(),

@@ -20,6 +20,7 @@ pub(super) const SPD: Writer = Writer {
     media_type: "text/plain",
     holds: "spectra without directions",
     fits: is_table,
+    whole: None,
     options: &[],
     write: Write::Entry(spd),
 };
@@ -33,6 +34,7 @@ pub(super) const CSV: Writer = Writer {
     media_type: "text/csv",
     holds: SPD.holds,
     fits: is_table,
+    whole: None,
     options: &[],
     write: Write::Entries(csv),
 };
@@ -127,6 +129,7 @@ fn finish(
     };
     let error = AddedError::of("every sample", samples.len(), &ErrorReport::measure(samples, found, 0.0));
     let about = Summary {
+        warning: None,
         format,
         resolution: format!("{spectra} spectra of {} samples", samples.len() / spectra),
         unit: material.unit().to_string(),

@@ -23,6 +23,8 @@ pub(super) struct Writer {
     pub(super) holds: &'static str,
     /// Returns true if the export format holds the material.
     pub(super) fits: fn(&Material) -> bool,
+    /// Name of the file, in words, if it defines values in all directions, so that all must have been measured.
+    pub(super) whole: Option<&'static str>,
     /// Names of the export options that the format accepts, each with the meaning of its value in this format.
     pub(super) options: &'static [(&'static str, &'static str)],
     /// Function that writes a material to a file in the export format.

@@ -8,14 +8,19 @@ wavelume_core::declare_notes! {
             albedo: f64, above: usize, summed: usize, all: usize, theta_i_degrees: f64, phi_i_degrees: Option<f64>,
             wavelength_nm: Option<f64>, channel: Option<usize>,
         } => "albedo above 1 under {above} of {summed} incoming directions: {albedo:.3} at most, under \
-              theta_i {theta_i_degrees:.1}°{phi}{band}{part}; the scale, the cosine or the reference may be wrong",
+              theta_i {theta_i_degrees:.1}°{phi}{band}{part}; {advice}",
             phi = phi_i_degrees.map_or_else(String::new, |phi| format!(", phi_i {phi:.1}°")),
             band = match (wavelength_nm, channel) {
                 (Some(nanometres), _) => format!(" at {nanometres} nm"),
                 (None, Some(number)) => format!(" in channel {number}"),
                 (None, None) => String::new(),
             },
-            part = if summed < all { format!("; {summed} of {all} were summed") } else { String::new() };
+            part = if summed < all { format!("; {summed} of {all} were summed") } else { String::new() },
+            advice = if (2.5..=102.0).contains(&albedo) {
+                format!("values in per cent would have an albedo of {:.3} after division by 100", albedo / 100.0)
+            } else {
+                "the scale, the cosine or the reference may be wrong".to_owned()
+            };
         Checked Reciprocity { difference_percent: f64, values: u64, is_interpolated: bool } =>
             "f(wi, wo) and f(wo, wi), equal by reciprocity, differ by {difference_percent:.2} % (median of {values} \
              values{origin})",

@@ -18,6 +18,10 @@ wavelume_core::declare_notes! {
             } else {
                 "give a finer outgoing_level, or a larger error"
             };
+        Warning AboveNoise { added_percent: f64, noise_percent: Option<f64>, promised_percent: f64 } =>
+            "the material adds er(L2) {added_percent:.2} % to the noise of the samples ({noise}), more than the promised \
+             {promised_percent:.2} %: give a smaller error or a finer outgoing level, or measure more densely",
+            noise = noise_percent.map_or_else(|| "unknown".to_owned(), |noise| format!("{noise:.2} %"));
         Warning LightDiffers {
             difference_percent: f64, is_more: bool, theta_i_degrees: Option<f64>, phi_i_degrees: Option<f64>,
             first_nm: Option<f64>, last_nm: Option<f64>, first_channel: Option<usize>, last_channel: Option<usize>,
@@ -45,6 +49,9 @@ wavelume_core::declare_notes! {
             } else {
                 advice_for_less(lobe_reduced_percent)
             };
+        Warning PartlyMeasured { measured: String, share_percent: f64, light: &'static str } =>
+            "{measured} (at least 80 % is needed): there is no {light}, sample or density (pdf), no picture of a ball and no rgl \
+             file; directions that were not measured are masked";
         Warning StatedFitUnread { reason: String } =>
             "the metadata of the material state the error at scattered samples in a way that this program does not \
              understand: {reason}";

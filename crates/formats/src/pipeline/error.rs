@@ -33,11 +33,15 @@ pub enum PipelineError {
     /// Compression failed.
     #[error(transparent)]
     Compress(#[from] CompressError),
+    /// The albedo or flux, whose error was to be bounded, is unknown.
+    #[error("cannot bound the error of the albedo or flux: {0}")]
+    Unbounded(EvaluateError),
     /// The compressed file cannot be opened for evaluation.
     #[error(transparent)]
     Opened(EvaluateError),
-    /// Warning that the option `strict` turns into an error. The material adds too much error to the noise of scattered
-    /// samples, differs from them in total light, or misses a narrow lobe that the samples do not resolve.
+    /// Warning that the option `strict` turns into an error. The measurement contradicts physics, or the material adds
+    /// too much error to the noise of scattered samples, differs from them in total light, or misses a narrow lobe that
+    /// the samples do not resolve.
     #[error("refused by the option `strict`: {0}")]
     Strict(String),
 }

@@ -2,6 +2,7 @@
 
 use crate::compress::{self, CompressError, Compressed, LightReport, Numbers, Policy, Settings, Target};
 use crate::domain::{Axis, Measurement, Note, Progress};
+use crate::evaluate::measured_share;
 use crate::notes::MaterialNote;
 
 /// Largest relative error of the directional albedo or flux at one incoming direction without correction or warning:
@@ -22,8 +23,11 @@ pub(super) fn compress(
 ) -> Result<Compressed, CompressError> {
     let compressed = compress::compress_numbers(measurement, stated, settings, progress)?;
     let is_off = is_on_grid(measurement.tensor.axes()) && compressed.light.is_some_and(|light| light.largest > LIGHT);
-    let is_free =
-        settings.albedo_error.is_none() && settings.policy == Policy::Rd && settings.target != Target::Lossless;
+    let is_whole = measured_share(measurement, None).is_none_or(|share| share.is_whole());
+    let is_free = is_whole
+        && settings.albedo_error.is_none()
+        && settings.policy == Policy::Rd
+        && settings.target != Target::Lossless;
     if !(is_off && is_free) {
         return Ok(compressed);
     }

@@ -7,6 +7,7 @@ mod error;
 mod fit;
 mod incidences;
 mod light;
+mod measured;
 mod note_templates;
 mod on_grid;
 mod origin;

@@ -5,8 +5,8 @@ use super::origin::Origin;
 use super::restated::{FORMATS, Restated, restate_as};
 use crate::compress::{self, Decoded, Numbers};
 use crate::domain::{Axis, Quantity};
-use crate::evaluate::EvaluateError;
-use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Exported, Summary};
+use crate::evaluate::{EvaluateError, measured_share};
+use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Exported, Summary, kept, whole_file};
 use crate::formats::{Digits, FormatErrorKind};
 use serde_json::Value;
 
@@ -36,7 +36,7 @@ const LEAST_BYTES: usize = 2;
 /// no value by more than a tenth of the promised error. If the file would break the promise, smaller changes are
 /// tried, down to 0.3 % of it.
 pub fn export_on_grid(bytes: &[u8], format: ExportFormat, options: &ExportOptions) -> Result<OnGrid, ExportError> {
-    let ExportOptions { index, side, step, rgb, wavelength, most_bytes } = options;
+    let ExportOptions { index, side, step, rgb, wavelength, most_bytes, strict: _ } = options;
     let names_resolution = side.is_some() || step.is_some() || *rgb || wavelength.is_some() || index.is_some();
     if names_resolution || !FORMATS.contains(&format) {
         return Ok(OnGrid::Resample(None));
@@ -58,11 +58,17 @@ pub fn export_on_grid(bytes: &[u8], format: ExportFormat, options: &ExportOption
         return Err(over_limit(least));
     }
     let decoded = compress::decode(bytes).map_err(evaluated)?;
+    let measured = measured_share(&decoded.measurement, decoded.summary.metadata.as_deref());
+    if let (Some(measured), Some(file)) = (measured, whole_file(format)) {
+        measured.needs_whole(file)?;
+    }
     let numbers = compress::decode_numbers(bytes).map_err(evaluated)?;
     let numbers = numbers.as_ref().map(|values| Numbers { values, factor: summary.factor });
     match written(&decoded, numbers, format) {
         Ok(file) if file.bytes.len() > *most_bytes => Err(over_limit(file.bytes.len())),
-        Ok(file) => Ok(OnGrid::File(Box::new(exported(file, &decoded)))),
+        Ok(file) => {
+            Ok(OnGrid::File(Box::new(kept(exported(file, &decoded), Some(decoded.summary.promised_er_l2()), options)?)))
+        }
         Err(ExportError::Format(error)) if error.kind != FormatErrorKind::NeedsOption => Err(error.into()),
         Err(reason) => Ok(OnGrid::Resample(Some(format!("the angles of the source: {reason}")))),
     }
@@ -83,7 +89,7 @@ fn written(decoded: &Decoded, numbers: Option<Numbers<'_>>, format: ExportFormat
     if stated == 0.0 {
         return restate_as(measurement, numbers, &origin, format, Digits::Shortest);
     }
-    let promised = document["request"]["target"]["er_l2"].as_f64().unwrap_or(stated).max(stated);
+    let promised = summary.promised_er_l2();
     let scored = summary.errors.scored_samples.max(1) as f64;
     let is_kept = |added: f64| stated + CHANCE * added / scored.sqrt() + 0.5 * added * added / stated <= promised;
     let mut file = restate_as(measurement, numbers, &origin, format, Digits::Within(ROUNDINGS[0] * promised))?;
@@ -108,6 +114,7 @@ fn exported(file: Restated, decoded: &Decoded) -> Exported {
     let tensor = &decoded.measurement.tensor;
     let axes: Vec<String> = tensor.axes().iter().filter(|axis| !axis.is_spectral()).map(Axis::describe).collect();
     let about = Summary {
+        warning: None,
         format: format.name(),
         resolution: format!("{}, as in the source", axes.join(", ")),
         unit: decoded.measurement.unit.to_string(),

@@ -4,8 +4,9 @@ use super::auto::AutoReport;
 use super::error::PipelineError;
 use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
 use super::light;
+use super::measured;
 use super::provenance::provenance;
-use super::refinement::{Refined, refined, warning};
+use super::refinement::{Refined, above_noise, refined, warning};
 use super::report::{Measured, Report, report};
 use super::request::{Curve, Request};
 use super::sample_light::{self, LightSums, Scanned, Untold};
@@ -14,10 +15,13 @@ use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
 use crate::compress::{self, Between, Numbers, Settings, Summary, Target};
 use crate::domain::{Axis, Progress, Silent};
-use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
+use crate::evaluate::{Material, interpolation_between, measured_share, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, Samples, not_wider};
 use crate::notes::ProjectionNote;
 use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
+
+/// Code of the note on a directional albedo above 1 of a measurement.
+const ALBEDO_ABOVE_ONE: &str = "check-albedo-above-one";
 
 /// Result of a compression: the compressed material and its report.
 ///
@@ -94,13 +98,16 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
 
 /// Adds the warnings about scattered samples to the report of a compression. With the option `strict` they are errors
 /// instead.
-fn judged(Judged { mut outcome, warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
+fn judged(Judged { mut outcome, mut warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
+    let Report { quantity, light_at_samples, notes, .. } = &outcome.report;
+    // The check of the cells says it already.
+    let is_said = notes.iter().any(|note| note.code == ALBEDO_ABOVE_ONE);
+    let albedo = sample_light::too_bright(light_at_samples).filter(|_| quantity.has_cosine() && !is_said);
+    warnings.extend(albedo);
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(sentences(&warnings).join("; ")));
     }
-    let lights = &outcome.report.light_at_samples;
-    let albedo = sample_light::too_bright(lights).filter(|_| outcome.report.quantity.has_cosine());
-    outcome.report.notes.extend(warnings.into_iter().chain(albedo));
+    outcome.report.notes.extend(warnings);
     Ok(outcome)
 }
 
@@ -160,6 +167,12 @@ fn compressed(
         lobe: lobe.as_ref().map(|carried| carried.lobe.clone()),
         ..request.settings()
     };
+    let measured = measured_share(&measurement, settings.metadata.as_deref());
+    measured::check(measured, request.albedo_error)?;
+    let implausible = projection::implausible(&measurement, promised(request.target, 0.0));
+    if request.strict && !implausible.is_empty() {
+        return Err(PipelineError::Strict(sentences(&implausible).join("; ")));
+    }
     let auto = AutoReport::of(&settings, acquisition, &measurement, scatter.noise);
     settings.target = auto.map_or(settings.target, |auto| auto.target());
     let target = settings.target;
@@ -190,6 +203,7 @@ fn compressed(
         let is_named = request.outgoing_level.is_some();
         let of_lobe = (&scatter, lobe.as_ref());
         warnings = warnings_of(&compressed.summary, (&found, &at_samples), of_lobe, is_named);
+        let above_noise = above_noise(&found, promised);
         fit = Some((found, at_samples));
         if request.metadata {
             let whole = compress::with_metadata(&compressed.bytes, &provenance(Some((&found, &sentences(&warnings)))));
@@ -199,15 +213,17 @@ fn compressed(
                 compressed.bytes = whole;
             }
         }
+        // The numbers in the metadata say it, too.
+        warnings.extend(above_noise);
     }
     let unresolved = match &lobe {
         Some(carried) => not_wider(&acquisition.instrument, carried.full_width[0].min(carried.full_width[1])),
         None => projection::unresolved_lobe(acquisition),
     };
-    let measured = Measured { fit, at_cells, material: material.as_ref() };
-    let mut report = report(acquisition, target, samples, (coverage, lobe), measured, &compressed)?;
+    let found = Measured { fit, at_cells, material: material.as_ref(), share: measured };
+    let mut report = report(acquisition, target, samples, (coverage, lobe), found, &compressed)?;
     report.auto = auto;
-    report.notes.extend(unresolved);
+    report.notes.extend(unresolved.into_iter().chain(implausible));
     if report.within_2u.is_none() {
         report.within_2u = within_2u;
     }

@@ -97,3 +97,35 @@ pub(super) fn warning(fit: &FitReport, axes: &[Axis], is_named: bool) -> Option<
     };
     Some(note.into())
 }
+
+/// Returns a warning if a material adds more error to the noise of its samples than `promised`, though no more than
+/// [`warning`] allows.
+pub(super) fn above_noise(fit: &FitReport, promised: f64) -> Option<Note> {
+    let note = MaterialNote::AboveNoise {
+        added_percent: 100.0 * fit.added,
+        noise_percent: fit.noise.map(|noise| 100.0 * noise),
+        promised_percent: 100.0 * promised,
+    };
+    (fit.is_kept() && fit.added > promised).then(|| note.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::ErrorReport;
+    use crate::projection::ScatterReport;
+
+    #[test]
+    fn more_error_than_promised_is_warned_of_before_it_is_too_much() {
+        let scatter = ScatterReport { noise: Some(0.01), ..ScatterReport::default() };
+        for (er_l2, is_above, is_coarse) in [(0.0141, false, false), (0.0155, true, false), (0.025, false, true)] {
+            let errors = ErrorReport { er_l2, ..ErrorReport::default() };
+            let fit = FitReport::new(&scatter, &AtSamples { errors, ..AtSamples::default() }, 0.01);
+            let found = above_noise(&fit, 0.01);
+            assert_eq!((found.is_some(), warning(&fit, &[], false).is_some()), (is_above, is_coarse), "{er_l2}");
+            let expected =
+                "the material adds er(L2) 1.18 % to the noise of the samples (1.00 %), more than the promised 1.00 %";
+            assert!(found.is_none_or(|note| note.message.starts_with(expected)));
+        }
+    }
+}

@@ -6,12 +6,13 @@ use super::error::PipelineError;
 use super::fit::{AtSamples, FitReport, promised};
 use super::incidences::IncidenceReport;
 use super::light;
+use super::measured;
 use super::sample_light::IncidenceLight;
 use super::sparse::has_lobes;
 use crate::compress::{self, DecodeError as CodecError, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Quantity, Unit, WavelengthGrid};
-use crate::evaluate::Material;
+use crate::evaluate::{Material, MeasuredShare};
 use crate::formats::{self, Acquisition, Note};
 use crate::projection::{CarriedLobe, Coverage};
 use serde::{Deserialize, Serialize};
@@ -156,6 +157,8 @@ pub(super) struct Measured<'a> {
     pub(super) at_cells: Option<ErrorReport>,
     /// Decoded material, for the report on interpolation between incident directions; `None` if none is needed.
     pub(super) material: Option<&'a Material>,
+    /// Measured share of the outgoing directions; `None` for data without outgoing directions.
+    pub(super) share: Option<MeasuredShare>,
 }
 
 /// Creates the report on a compressed file. `samples` is the number of samples of its tensor.
@@ -164,7 +167,7 @@ pub(super) fn report(
     target: Target,
     samples: usize,
     (coverage, lobe): (Coverage, Option<CarriedLobe>),
-    Measured { fit: at_scattered, at_cells, material }: Measured<'_>,
+    Measured { fit: at_scattered, at_cells, material, share }: Measured<'_>,
     compressed: &compress::Compressed,
 ) -> Result<Report, PipelineError> {
     let summary = &compressed.summary;
@@ -176,15 +179,21 @@ pub(super) fn report(
     let material = material.filter(|_| has_lobes(&summary.axes));
     let incidences = material.and_then(|material| IncidenceReport::of(material, noise));
     let promised = promised(target, summary.errors.er_l2);
+    // Sums over a part of the directions are no albedo and no flux.
+    let is_whole = share.is_none_or(|share| share.is_whole());
+    let light = compressed.light.filter(|_| is_whole);
     let warnings = [
+        measured::warning(share),
         compress::shortfall(target, samples as u64, compressed),
         noise.and_then(|noise| noise.warning(target)),
         incidences.and_then(|incidences| incidences.warning(promised)),
-        light::warning(&summary.axes, compressed.light.as_ref()),
+        light::warning(&summary.axes, light.as_ref()),
     ];
     let samples = samples as f64;
     let at_samples = at_scattered.as_ref().map(|(_, found)| found.errors).or(at_cells);
     let (fit, light_at_samples) = at_scattered.map(|(fit, found)| (fit, found.light)).unzip();
+    let mut light_at_samples = light_at_samples.unwrap_or_default();
+    light_at_samples.retain(|light| is_whole || !light.by_area);
     Ok(Report {
         digest: digest(&compressed.bytes),
         payload_digest: format!("b3-{}", compress::payload_digest(&compressed.bytes).map_err(opened)?.to_hex()),
@@ -204,12 +213,12 @@ pub(super) fn report(
         errors: at_samples.unwrap_or(summary.errors),
         errors_at: errors_at(acquisition, &summary.axes),
         cells: at_samples.map(|_| CellErrors::of(&summary.errors)),
-        light: compressed.light,
+        light,
         incidences,
         delta_e: compressed.colour,
         fit,
         lobe,
-        light_at_samples: light_at_samples.unwrap_or_default(),
+        light_at_samples,
         within_2u: fit.and_then(|fit| fit.within_2u),
         auto: None,
         noise,

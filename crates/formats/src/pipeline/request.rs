@@ -153,9 +153,9 @@ options! {
         #[serde(default = "Defaults::interpolation", skip_serializing_if = "Curve::is_default")]
         pub interpolation: Curve = Curve::default() =>
             Values::Name { shown: None, names: Curve::all_names },
-        /// Fails, instead of warning, if the material adds an error to the noise of scattered samples that exceeds both
-        /// twice the promised error and half the noise. Also fails, instead of warning, if its total light differs from
-        /// that of the samples.
+        /// Fails, instead of warning, if the measurement contradicts physics: an albedo above 1 by more than its error,
+        /// values far from reciprocal, or many negative ones. Also fails if the material adds more error to the noise
+        /// of scattered samples than promised, or if its total light differs from that of the samples.
         #[serde(default = "Defaults::strict", skip_serializing_if = "std::ops::Not::not")]
         pub strict: bool = false => Values::Switch,
         /// Stores the provenance in the file: source, options and program.

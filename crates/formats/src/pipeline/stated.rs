@@ -2,8 +2,10 @@
 
 use super::digest::digest;
 use super::error::PipelineError;
-use super::fit::FitReport;
+use super::fit::{FitReport, promised};
 use super::incidences::IncidenceReport;
+use super::measured;
+use super::refinement::above_noise;
 use super::report::{Report, ratio_bytes, ratio_coefficients};
 use super::request::Request;
 use super::sparse::has_lobes;
@@ -54,8 +56,11 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
     let summary = decoded.summary.clone();
     let material = Material::decoded(decoded).map_err(PipelineError::Opened)?;
     let incidences = if has_lobes(&summary.axes) { IncidenceReport::of(&material, None) } else { None };
+    let warning = measured::warning(material.measured_share());
     drop(material);
-    stated_by(bytes, summary, incidences)
+    let mut stated = stated_by(bytes, summary, incidences)?;
+    stated.report.notes.extend(warning);
+    Ok(stated)
 }
 
 /// Returns what a material file states about itself, from its header and its metadata. No sample is decoded, so that
@@ -83,6 +88,9 @@ fn stated_by(bytes: &[u8], summary: Summary, incidences: Option<IncidenceReport>
     let warnings = metadata["warnings"].as_array().into_iter().flatten().take(MOST_WARNINGS);
     let notes = warnings.filter_map(|warning| Some(Note::plain(NoteKind::Warning, text(warning)?)));
     let of_cells = summary.sampling == Sampling::Average;
+    let request: Option<Request> = serde_json::from_value(metadata["request"].clone()).ok();
+    let promised = request.as_ref().map(|request| promised(request.target, summary.errors.er_l2));
+    let above_noise = fit.zip(promised).and_then(|(fit, promised)| above_noise(&fit, promised));
     let report = Report {
         digest: digest(bytes),
         payload_digest: format!("b3-{}", compress::payload_digest(bytes).map_err(damaged)?.to_hex()),
@@ -112,10 +120,9 @@ fn stated_by(bytes: &[u8], summary: Summary, incidences: Option<IncidenceReport>
         auto: None,
         noise: None,
         coverage: Coverage::default(),
-        notes: notes.chain(unread).collect(),
+        notes: notes.chain(unread).chain(above_noise).collect(),
         levels: compress::levels(bytes).map_err(damaged)?,
     };
-    let request: Option<Request> = serde_json::from_value(metadata["request"].clone()).ok();
     let origin = StatedOrigin {
         generator: text(&metadata["generator"]),
         content_digest: text(&source["content_digest"]),

@@ -238,6 +238,12 @@ pub enum AnglesError {
         /// The only azimuth, in degrees, of the grid of directions in the file.
         phi: f64,
     },
+    /// The outgoing directions of a surface have no azimuths although light comes in obliquely: they lie in one plane.
+    #[error(
+        "found no azimuths under oblique incidence, so that the directions lie in one plane, which covers no area: keep the \
+         grid of the file"
+    )]
+    NoAzimuths,
     /// The range of theta that the grid of the file covers lies outside the directions for which the quantity is
     /// defined.
     #[error("theta {low} to {high} degrees does not reach into the {domain} of directions of a {quantity}")]

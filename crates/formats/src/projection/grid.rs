@@ -30,6 +30,9 @@ pub(super) fn project(
     request: &AxesRequest,
 ) -> Result<Projected, ProjectionError> {
     let missing = check_values(grid)?;
+    if is_half_plane(acquisition.quantity, grid) {
+        return Err(ProjectionError::Angles { role: Role::Outgoing, angles: AnglesError::NoAzimuths });
+    }
     let mut incoming = incoming_side(grid.incoming.as_ref(), request.incoming_level)?;
     let mut outgoing = outgoing_side(acquisition.quantity, grid.outgoing.as_ref(), request.outgoing_level)?;
     let spectral =
@@ -60,6 +63,14 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
+}
+
+/// Returns true for a surface whose outgoing directions have no azimuths although light comes in obliquely, unless the
+/// standard of the file format defines all of them.
+fn is_half_plane(quantity: Quantity, grid: &AngleGrid) -> bool {
+    let is_oblique = grid.incoming.as_ref().is_some_and(|angles| angles.theta[..] != [0.0]);
+    let has_azimuths = grid.outgoing.as_ref().is_none_or(|angles| angles.phi.is_some());
+    quantity.has_cosine() && is_oblique && !has_azimuths && grid.outside == Outside::Masked
 }
 
 /// Checks the number and the finiteness of the values of a grid of angles. Returns the number of missing (NaN) samples.

@@ -28,7 +28,7 @@ pub use error::{
 };
 pub(crate) use lobe_width::unresolved_lobe;
 pub(crate) use planes::scattered_samples;
-pub use plausible::{Band, LargestAlbedo, Negatives, Plausibility, Reciprocity, plausibility};
+pub use plausible::{Band, LargestAlbedo, Negatives, Plausibility, Reciprocity, implausible, plausibility};
 pub use projected::{Coverage, Numbers, Projected};
 pub use reciprocal::{Reciprocal, reciprocal};
 pub use request::{AxesRequest, DirectionDomain};

@@ -7,6 +7,7 @@ mod damaged;
 mod examples;
 mod formats;
 mod narrow_lobes;
+mod partly;
 mod phases;
 mod projection;
 mod recorded;

@@ -15,9 +15,9 @@ const CIRCLE: f64 = 360.0;
 /// Angle in degrees at which samples are known, with its index on the axis of measured angles. An angle added by mirror
 /// symmetry has the index of the measured angle that it mirrors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Node {
-    pub(super) angle: f64,
-    pub(super) entry: u32,
+pub(in crate::evaluate) struct Node {
+    pub(in crate::evaluate) angle: f64,
+    pub(in crate::evaluate) entry: u32,
 }
 
 /// Measured angles of one axis in increasing order, with tables for interpolation between them.

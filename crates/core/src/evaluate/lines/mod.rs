@@ -32,8 +32,10 @@ use crate::numeric::bracket::Bracket;
 use crate::numeric::number::Number;
 use ::wide::f32x4;
 use course::{Course, FoundBetween};
-use line::{Line, Node};
+use line::Line;
+pub(super) use line::Node;
 use part::Sums;
+pub(super) use sphere::azimuth_nodes;
 use sphere::{Patch, Sphere};
 use values::{Places, Values};
 
@@ -63,7 +65,7 @@ impl Incoming {
 
     /// Incoming directions on a grid of polar angles and azimuths.
     pub(super) fn grid(grid: &DirectionGrid) -> Self {
-        Self(Kind::Grid(Box::new(Sphere::new(grid))))
+        Self(Kind::Grid(Box::new(Sphere::new(grid, false))))
     }
 
     /// Number of the table that holds the original samples of an incoming direction, before directions that coincide
@@ -135,19 +137,25 @@ impl Found {
         (found.tables[0], found.weights[0], found.patches[0]) = (table, 1.0, patch);
         found
     }
+
+    /// Search result at the same incoming directions with nothing measured at the outgoing direction.
+    pub(super) fn without_samples(self) -> Self {
+        Self { patches: [None; AROUND], between: None, ..self }
+    }
 }
 
 impl Lines {
     /// Builds the function of samples `[combination of indices][incoming][outgoing][wavelength]`, with lobes aligned
-    /// between incoming directions by `alignment`.
+    /// between incoming directions by `alignment`. The flag beside the outgoing grid is true if values between azimuths
+    /// more than 90° apart are unknown.
     pub(super) fn new(
         samples: &[f32],
         lambdas: usize,
         incoming: Incoming,
-        outgoing: Option<&DirectionGrid>,
+        outgoing: Option<(&DirectionGrid, bool)>,
         (domain, alignment): (Domain, Alignment),
     ) -> Self {
-        let outgoing = outgoing.map(|grid| Box::new(Sphere::new(grid)));
+        let outgoing = outgoing.map(|(grid, has_planes)| Box::new(Sphere::new(grid, has_planes)));
         let places_in = match &incoming.0 {
             Kind::None => Places { own: 1, same: &[] },
             Kind::Elevations(values, _) => Places { own: values.len(), same: &[] },

@@ -5,11 +5,15 @@ use super::line::{Along, Line, Node};
 use crate::domain::vector::Vector;
 use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside};
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
+use crate::evaluate::measured::WIDEST_GAP;
 use crate::numeric::wide;
 
 /// Difference in degrees below which two azimuths count as equal: an azimuth in a mirror plane and its own mirror
 /// image.
 const SAME: f64 = 1e-9;
+
+/// Degrees in a circle.
+const CIRCLE: f64 = 360.0;
 
 /// Flag on rows of a grid that are continued beyond a pole: their directions lie at the opposite azimuth.
 const BEYOND: u32 = 1 << 31;
@@ -28,6 +32,8 @@ pub(super) struct Sphere {
     azimuth: Line,
     /// True if the grid covers all azimuths, so that each azimuth can be looked up without a check.
     is_round: bool,
+    /// Open intervals of azimuths in degrees, between planes of a scan, in which nothing is known.
+    gaps: Vec<[f64; 2]>,
     /// Groups of grid directions that coincide; then all directions of the groups in increasing order of their numbers.
     same: Vec<Vec<u32>>,
     merged: Vec<u32>,
@@ -71,7 +77,9 @@ impl Patch {
 }
 
 impl Sphere {
-    pub(super) fn new(grid: &DirectionGrid) -> Self {
+    /// Prepares interpolation between the directions of a grid. If `has_planes`, values between azimuths that are more
+    /// than 90° apart are unknown.
+    pub(super) fn new(grid: &DirectionGrid, has_planes: bool) -> Self {
         let same = grid.coinciding();
         let merged = same.iter().flatten().copied().collect();
         let mut first_of: Vec<u32> = (0..grid.len() as u32).collect();
@@ -81,7 +89,10 @@ impl Sphere {
             }
         }
         let (polar, azimuth) = (polar_line(grid), azimuth_line(grid));
-        Self { polar, azimuth, is_round: grid.covers_all_azimuths(), same, merged, first_of, grid: grid.clone() }
+        let is_gap = |[from, to]: &[f64; 2]| has_planes && grid.azimuths().is_some() && to - from > WIDEST_GAP;
+        let gaps: Vec<[f64; 2]> = azimuth.intervals().into_iter().filter(is_gap).collect();
+        let is_round = gaps.is_empty() && grid.covers_all_azimuths();
+        Self { polar, azimuth, is_round, gaps, same, merged, first_of, grid: grid.clone() }
     }
 
     /// Groups of grid directions that coincide.
@@ -132,7 +143,9 @@ impl Sphere {
     /// Selects the direction of the grid nearest to `direction`; `None` outside the part of the sphere that the grid
     /// covers.
     pub(super) fn nearest(&self, direction: Direction) -> Option<Patch> {
-        self.grid.nearest(direction).map(|entry| Patch::one(entry as u32))
+        let entry = self.grid.nearest(direction)?;
+        self.off_gaps(self.grid.angles(direction)?)?;
+        Some(Patch::one(entry as u32))
     }
 
     /// Samples around a direction; `None` outside the part of the sphere that the grid covers.
@@ -158,7 +171,7 @@ impl Sphere {
                 angles[1],
             ]
         } else {
-            self.grid.held(angles)?
+            self.off_gaps(self.grid.held(angles)?)?
         };
         let across = self.polar.around(polar);
         let here = self.azimuth.around(azimuth);
@@ -172,6 +185,29 @@ impl Sphere {
             along: [here.along, opposite.along],
             across: across.along,
         })
+    }
+
+    /// Returns a polar angle and an azimuth (degrees, in the grid's frame) unless the azimuth lies in a gap between
+    /// planes. Azimuths within 10⁻³ degrees of a plane, on the sphere, move onto the plane.
+    fn off_gaps(&self, [polar, azimuth]: [f64; 2]) -> Option<[f64; 2]> {
+        let Some([first, _]) = self.gaps.first() else { return Some([polar, azimuth]) };
+        if self.grid.is_at_pole(polar) {
+            return Some([polar, *first]);
+        }
+        let border = self.grid.border(polar);
+        for &[from, to] in &self.gaps {
+            let along = (azimuth - from).rem_euclid(CIRCLE);
+            if along <= border || CIRCLE - along <= border {
+                return Some([polar, from]);
+            }
+            if along < to - from - border {
+                return None;
+            }
+            if along <= to - from + border {
+                return Some([polar, to]);
+            }
+        }
+        Some([polar, azimuth])
     }
 
     /// Writes the polar angles and azimuths of a block of vectors, which need not be unit vectors, in degrees with
@@ -197,7 +233,12 @@ impl Sphere {
 
     pub(super) fn memory(&self) -> usize {
         let same: usize = self.same.iter().map(|same| size_of_val(&**same)).sum();
-        self.polar.memory() + self.azimuth.memory() + size_of_val(&*self.merged) + size_of_val(&*self.first_of) + same
+        self.polar.memory()
+            + self.azimuth.memory()
+            + size_of_val(&*self.merged)
+            + size_of_val(&*self.first_of)
+            + size_of_val(&*self.gaps)
+            + same
     }
 }
 
@@ -234,19 +275,25 @@ fn polar_line(grid: &DirectionGrid) -> Line {
 /// Axis of the azimuths around the whole circle, including mirror images; if the grid covers a sector only, of the
 /// sector.
 fn azimuth_line(grid: &DirectionGrid) -> Line {
+    let is_circle = grid.azimuths().is_none_or(|azimuths| azimuths.extent != AzimuthExtent::Sector);
+    Line::new(azimuth_nodes(grid), is_circle)
+}
+
+/// Azimuths of a grid in increasing order, with their mirror images around the whole circle; those of a sector without.
+pub(in crate::evaluate) fn azimuth_nodes(grid: &DirectionGrid) -> Vec<Node> {
     let Some(azimuths) = grid.azimuths() else {
-        return Line::new(vec![Node { angle: 0.0, entry: 0 }], true);
+        return vec![Node { angle: 0.0, entry: 0 }];
     };
     let own = azimuths.angles.iter().zip(0..).map(|(&angle, entry)| Node { angle, entry });
     let images: &[fn(f64) -> f64] = match azimuths.extent {
-        AzimuthExtent::Sector => return Line::new(own.collect(), false),
+        AzimuthExtent::Sector => return own.collect(),
         AzimuthExtent::Circle | AzimuthExtent::Closed => &[],
         AzimuthExtent::Mirrored => &[|a| -a],
         AzimuthExtent::MirroredAt90 => &[|a| 180.0 - a],
         AzimuthExtent::Quadrant => &[|a| 180.0 - a, |a| 180.0 + a, |a| -a],
     };
     let first = azimuths.angles[0];
-    let from_first = |angle: f64| angle - 360.0 * libm::floor((angle - first) / 360.0);
+    let from_first = |angle: f64| angle - CIRCLE * libm::floor((angle - first) / CIRCLE);
     let mirrored = own.clone().flat_map(|Node { angle, entry }| {
         images.iter().map(move |image| Node { angle: from_first(image(angle)), entry })
     });
@@ -254,10 +301,10 @@ fn azimuth_line(grid: &DirectionGrid) -> Line {
     nodes.sort_by(|a, b| a.angle.total_cmp(&b.angle).then(a.entry.cmp(&b.entry)));
     nodes.dedup_by(|later, earlier| later.angle - earlier.angle < SAME);
     // Removes the repeated first azimuth, one circle further.
-    while nodes.len() > 1 && nodes[nodes.len() - 1].angle - first > 360.0 - SAME {
+    while nodes.len() > 1 && nodes[nodes.len() - 1].angle - first > CIRCLE - SAME {
         nodes.pop();
     }
-    Line::new(nodes, true)
+    nodes
 }
 
 #[cfg(test)]
@@ -303,7 +350,7 @@ mod tests {
                 (every(0.0, 90.0, 10.0), AzimuthExtent::Quadrant),
             ] {
                 let grid = grid(frame, &polar, Some((&azimuths, extent)));
-                let sphere = Sphere::new(&grid);
+                let sphere = Sphere::new(&grid, false);
                 let values: Vec<f64> = (0..grid.len()).map(|i| f(grid.direction(i).xyz())).collect();
                 for (theta, phi) in
                     [(1.0, 33.0), (2.4, 200.0), (47.3, 1.0), (92.0, 359.0), (178.0, 91.0), (60.0, 182.0)]
@@ -328,7 +375,7 @@ mod tests {
             let grid = grid(Frame::TypeB, &polar, Some((&azimuths, AzimuthExtent::Sector)));
             let grid = grid.mirrored().unwrap().covering(0.0, polar[9]).unwrap();
             let f = |[x, y, z]: [f64; 3]| 1.0 + y * y + 0.2 * x - 0.4 * z;
-            let sphere = Sphere::new(&grid);
+            let sphere = Sphere::new(&grid, false);
             let values: Vec<f64> = (0..grid.len()).map(|i| f(grid.direction(i).xyz())).collect();
             for (latitude, azimuth) in [(1.0, 5.0), (-1.0, 5.0), (-33.0, -72.0), (0.0, 0.0)] {
                 let direction = Frame::TypeB.direction(latitude, azimuth);
@@ -341,11 +388,11 @@ mod tests {
     #[test]
     fn places_stated_several_times_are_one() {
         let closed = grid(Frame::TypeC, &[0.0, 90.0, 180.0], Some((&[0.0, 180.0, 360.0], AzimuthExtent::Closed)));
-        let sphere = Sphere::new(&closed);
+        let sphere = Sphere::new(&closed, false);
         assert_eq!(sphere.same(), [vec![0, 1, 2], vec![3, 5], vec![6, 7, 8]]);
         assert_eq!([3, 4, 5].map(|entry| sphere.stated(entry)), [12, 4, 13]);
         assert_eq!([3, 4, 5].map(|entry| sphere.first_of(entry)), [3, 4, 3]);
-        let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None));
+        let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None), false);
         let nearest = plain.nearest(Direction::from_degrees(180.0, 0.0)).unwrap();
         assert_eq!((plain.same().len(), plain.stated(1), nearest.place(1, 1)), (0, 1, 0));
     }

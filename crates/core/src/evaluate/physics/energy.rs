@@ -6,6 +6,7 @@ use crate::domain::{Domain, ErrorReport, Quantity};
 use crate::evaluate::albedo::{Side, is_above};
 use crate::evaluate::error::{EvaluateError, Need};
 use crate::evaluate::material::Material;
+use crate::evaluate::measured::MeasuredShare;
 use crate::evaluate::stated::{Stated, domain_of};
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -25,6 +26,11 @@ pub struct EnergyReport {
     pub normalisation: Option<NormalisationReport>,
     /// Flux of an emission, one for each combination of indices (positions on the axes before the directions).
     pub flux: Option<Vec<FluxReport>>,
+    /// Measured share of the outgoing directions. With less than 80 % there is no albedo, normalisation or flux.
+    pub measured: Option<MeasuredShare>,
+    /// Reason why there is no albedo, normalisation or flux: too few outgoing directions were measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
 /// Result of comparing an integral with 1, which an albedo must not exceed and the integral of a phase function must
@@ -105,7 +111,12 @@ impl Material {
     /// between the angles. Fails for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
         let quantity = self.quantity();
-        let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };
+        let (measured, reason) = (self.measured_share(), self.needs_light().err());
+        let reason = reason.map(|reason| reason.to_string());
+        let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None, measured, reason };
+        if report.reason.is_some() {
+            return Ok(report);
+        }
         if self.stated().is_some_and(Stated::has_albedo) {
             report.albedo = Some(self.albedo_report());
             return Ok(report);

@@ -16,6 +16,7 @@ impl Material {
         if !quantity.has_cosine() {
             return unfit(QueryError::NoReflectance { quantity });
         }
+        self.needs_whole("reflectance")?;
         let cells = self.over_triangles()?;
         cells.needs_outgoing(Need::Reflectance)?;
         let outgoing = cells.layout().outgoing;

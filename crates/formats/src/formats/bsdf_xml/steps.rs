@@ -98,6 +98,8 @@ pub(super) fn grid(parts: &[Part], report: &mut ParseReport) -> Result<AngleGrid
         (true, false) => (0.0, 90.0),
         _ => (90.0, 180.0),
     };
+    let steps = azimuths.array_windows().map(|[from, to]| to - from);
+    let is_wide = azimuths.is_empty() || steps.fold(0.0, f64::max) > 90.0;
     let phi = |phi: Vec<f64>| (!phi.is_empty()).then_some(Azimuths { phi, extent: AzimuthExtent::Circle });
     let theta = incoming.rings.iter().map(|ring| ring.theta).collect();
     Ok(AngleGrid {
@@ -105,7 +107,8 @@ pub(super) fn grid(parts: &[Part], report: &mut ParseReport) -> Result<AngleGrid
         incoming: Some(Angles { theta, covers: (0.0, 90.0), phi: phi(turns) }),
         outgoing: Some(Angles { theta: rows.iter().map(|row| row.2).collect(), covers, phi: phi(azimuths) }),
         spectral: None,
-        outside: Outside::Masked,
+        // A patch has one value, however wide it is.
+        outside: if is_wide { Outside::Zero } else { Outside::Masked },
         values: values.into(),
         stated: None,
         sigma: None,

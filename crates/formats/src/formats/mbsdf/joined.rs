@@ -1,9 +1,9 @@
 //! Combination of the reflection and transmission of one file into one table over both sides, at any resolutions.
 
-use super::super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside};
+use super::super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths};
 use super::super::error::{FormatError, FormatErrorKind};
 use super::about::NAME;
-use super::angles::{azimuths, polar_angles};
+use super::angles::{azimuths, outside, polar_angles};
 use super::blocks::Block;
 use crate::domain::Axis;
 use crate::domain::limits::MAX_SAMPLES;
@@ -59,13 +59,14 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
             }
         }
     }
-    let phi = (phi.len() > 1).then_some(Azimuths { phi, extent: AzimuthExtent::Mirrored });
+    let columns = phi.len();
+    let phi = (columns > 1).then_some(Azimuths { phi, extent: AzimuthExtent::Mirrored });
     Ok(AngleGrid {
         index: Vec::new(),
         incoming: Some(Angles { theta: incoming, covers: (0.0, 90.0), phi: None }),
         outgoing: Some(Angles { theta: outgoing, covers: (0.0, 180.0), phi }),
         spectral: rgb.then_some(Axis::Rgb),
-        outside: Outside::Masked,
+        outside: outside(columns),
         values: values.into(),
         stated: None,
         sigma: None,

@@ -16,7 +16,7 @@ mod write;
 pub use restate::restate_mbsdf;
 pub use write::{MbsdfGrid, write_mbsdf};
 
-use super::acquisition::{Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Outside, ParseReport, Samples};
+use super::acquisition::{Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
@@ -24,7 +24,7 @@ use super::reader::{Reader, Sample};
 use crate::domain::{Axis, Quantity, Unit};
 use crate::notes::{ScatteringNote, ValueNote};
 use about::{ABOUT, NAME};
-use angles::{azimuths, polar_angles};
+use angles::{azimuths, outside, polar_angles};
 use blocks::{Block, blocks};
 use joined::joined;
 use refusal::malformed;
@@ -130,7 +130,7 @@ fn grid(quantity: Quantity, block: Block) -> AngleGrid {
         incoming: Some(Angles { theta: incoming, covers: (0.0, 90.0), phi: None }),
         outgoing: Some(Angles { theta: outgoing, covers, phi }),
         spectral: rgb.then_some(Axis::Rgb),
-        outside: Outside::Masked,
+        outside: outside(m),
         values: values.into(),
         stated: None,
         sigma: None,

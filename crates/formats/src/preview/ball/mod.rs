@@ -36,6 +36,7 @@ pub(super) fn picture(
     channels: &Channels,
     size: usize,
 ) -> Result<Vec<u8>, PreviewError> {
+    material.needs_whole("picture of a ball")?;
     let surface = Surface::of(material.over_triangles()?, index, channels)?;
     let scene = Scene::of(&surface, size)?;
     let pixels = scene.pixels()?;

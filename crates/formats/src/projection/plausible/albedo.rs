@@ -3,7 +3,7 @@
 
 use super::table::Table;
 use crate::domain::vector::Vector;
-use crate::domain::{Axis, Domain, Quantity, Unit};
+use crate::domain::{Axis, Domain, Measurement, Quantity, Unit};
 use crate::formats::{Acquisition, Samples, Scattered};
 use crate::notes::CheckNote;
 use crate::projection::same_angle::{azimuth_steps, steps};
@@ -66,6 +66,20 @@ impl LargestAlbedo {
             Samples::Scattered(scattered) => of_scattered(acquisition.quantity, scattered),
             _ => of_table(&Table::of(acquisition)?),
         }
+    }
+
+    /// Finds the largest directional albedo of a measurement, as of a file.
+    pub(super) fn of_measurement(measurement: &Measurement) -> Option<Self> {
+        if !measurement.quantity.has_cosine() || measurement.unit != Unit::PerSteradian {
+            return None;
+        }
+        of_table(&Table::of_tensor(measurement.quantity, &measurement.tensor)?)
+    }
+
+    /// Returns true if the largest directional albedo exceeds 1 by more than sums over solid angles are inaccurate and
+    /// by more than the relative error `error` explains.
+    pub(super) fn is_above_by_more_than(&self, error: f64) -> bool {
+        self.albedo > (1.0 + TOLERANCE) * (1.0 + error)
     }
 
     /// Returns a remark for the user if the largest directional albedo exceeds 1.
@@ -135,6 +149,9 @@ impl<'a> Largest<'a> {
 }
 
 fn of_table(table: &Table<'_>) -> Option<LargestAlbedo> {
+    if table.is_half_plane() {
+        return None;
+    }
     let weights = table.outgoing.projected_solid_angles()?;
     let bands = table.bands();
     let blocks = table.values.len() / table.block();

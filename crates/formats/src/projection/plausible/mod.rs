@@ -13,8 +13,15 @@ pub use negative::Negatives;
 pub use reciprocity::Reciprocity;
 
 use super::lobe_width::unresolved_lobe;
-use crate::domain::{Note, NoteKind};
+use crate::domain::{Measurement, Note, NoteKind};
 use crate::formats::Acquisition;
+
+/// Least median deviation from reciprocity of a projected measurement that is warned of: 0.3 is 30 %. Noise stays below
+/// it; a cosine too many does not. Raising it warns less often.
+const UNRECIPROCAL: f64 = 0.3;
+/// Least share of negative values of a projected measurement that is warned of: 0.01 is 1 %. Noise around values near 0
+/// has less. Raising it warns less often.
+const MANY_NEGATIVE: f64 = 0.01;
 
 /// Results of the checks of a file for physical plausibility; `None` for checks that do not apply.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,6 +45,22 @@ pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
         negatives: Negatives::of(acquisition),
         unresolved: unresolved_lobe(acquisition),
     }
+}
+
+/// Returns warnings about a measurement that is to be compressed with the relative error `error`: an albedo above 1 by
+/// more than its error, values that are far from reciprocal, and many negative values. They have the words of the
+/// [remarks](Plausibility::remarks) on a file.
+pub fn implausible(measurement: &Measurement, error: f64) -> Vec<Note> {
+    let albedo = LargestAlbedo::of_measurement(measurement).filter(|albedo| albedo.is_above_by_more_than(error));
+    let reciprocity = Reciprocity::of_measurement(measurement);
+    // Interpolation between coarse directions differs from reciprocity by itself.
+    let reciprocity = reciprocity.filter(|found| found.difference > UNRECIPROCAL && !found.is_interpolated);
+    // Spectra and tables of coefficients may be negative.
+    let is_light = measurement.quantity.directions() > 0;
+    let negatives = Negatives::among(measurement.tensor.samples()).filter(|found| found.share() > MANY_NEGATIVE);
+    let negatives = negatives.filter(|_| is_light);
+    let remarks = Plausibility { albedo, reciprocity, negatives, unresolved: None }.remarks();
+    remarks.into_iter().map(|note| Note { kind: NoteKind::Warning, ..note }).collect()
 }
 
 impl Plausibility {

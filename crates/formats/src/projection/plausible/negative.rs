@@ -19,12 +19,16 @@ impl Negatives {
     /// Counts the negative values of a file. Returns `None` if there are none, and for functions, which have no
     /// values.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
-        let values = match &acquisition.samples {
-            Samples::OnAxes { tensor, .. } => tensor.samples(),
-            Samples::Grid(grid) => &grid.values,
-            Samples::Scattered(scattered) => &scattered.values,
-            Samples::Function(_) => return None,
-        };
+        match &acquisition.samples {
+            Samples::OnAxes { tensor, .. } => Self::among(tensor.samples()),
+            Samples::Grid(grid) => Self::among(&grid.values),
+            Samples::Scattered(scattered) => Self::among(&scattered.values),
+            Samples::Function(_) => None,
+        }
+    }
+
+    /// Counts the negative ones of `values`. Returns `None` if there are none.
+    pub(super) fn among(values: &[f32]) -> Option<Self> {
         let (mut negative, mut stated, mut low, mut high) = (0, 0, 0.0_f32, 0.0_f32);
         for &value in values {
             stated += u64::from(!value.is_nan());
@@ -33,6 +37,11 @@ impl Negatives {
         }
         let largest = (high > 0.0).then(|| f64::from(-low) / f64::from(high));
         (negative > 0).then_some(Self { values: negative, of: stated, largest })
+    }
+
+    /// Returns the share of negative values, from 0 to 1.
+    pub(super) fn share(&self) -> f64 {
+        self.values as f64 / self.of as f64
     }
 
     /// Returns a remark for the user on the negative values of a file: how many there are, and how large the most

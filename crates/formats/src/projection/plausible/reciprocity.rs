@@ -2,7 +2,7 @@
 
 use super::sides::{Mix, Side};
 use super::table::Table;
-use crate::domain::{Axis, Quantity};
+use crate::domain::{Axis, Measurement, Quantity};
 use crate::formats::{Acquisition, Scattered};
 use crate::notes::CheckNote;
 use crate::projection::planes::scattered_samples;
@@ -47,6 +47,14 @@ impl Reciprocity {
             return of_scattered(&scattered);
         }
         of_table(&Table::of(acquisition)?)
+    }
+
+    /// Measures how far a measurement deviates from reciprocity, as a file does.
+    pub(super) fn of_measurement(measurement: &Measurement) -> Option<Self> {
+        if measurement.quantity != Quantity::Brdf {
+            return None;
+        }
+        of_table(&Table::of_tensor(measurement.quantity, &measurement.tensor)?)
     }
 
     /// Returns a remark for the user on the deviation from reciprocity.

@@ -1,7 +1,7 @@
 //! Tables of directions in a file: values for each pair of an incoming and an outgoing direction.
 
 use super::sides::Side;
-use crate::domain::{Axis, Layout};
+use crate::domain::{Axis, Layout, Quantity, Tensor};
 use crate::formats::{Acquisition, Angles, AzimuthExtent, Azimuths, Samples};
 use crate::projection::planes::single_azimuth;
 use std::borrow::Cow;
@@ -28,20 +28,36 @@ impl<'a> Table<'a> {
                     spectral: grid.spectral.as_ref(),
                 }
             }
-            Samples::OnAxes { tensor, .. } => {
-                let layout = Layout::of(acquisition.quantity, tensor.axes()).ok()?;
-                let axis = |number: Option<usize>| number.map(|number| &tensor.axes()[number]);
-                Self {
-                    values: tensor.samples(),
-                    incoming: Side::of_axis(axis(layout.incoming)?)?,
-                    outgoing: Side::of_axis(axis(layout.outgoing)?)?,
-                    spectral: axis(layout.spectral),
-                }
-            }
+            Samples::OnAxes { tensor, .. } => return Self::of_tensor(acquisition.quantity, tensor),
             Samples::Scattered(_) | Samples::Function(_) => return None,
         };
-        let block = table.incoming.len() * table.block();
-        (block > 0 && table.values.len() % block == 0).then_some(table)
+        table.checked()
+    }
+
+    /// Returns the table of the samples of a tensor; `None` if it has no incoming and outgoing directions.
+    pub(super) fn of_tensor(quantity: Quantity, tensor: &'a Tensor) -> Option<Self> {
+        let layout = Layout::of(quantity, tensor.axes()).ok()?;
+        let axis = |number: Option<usize>| number.map(|number| &tensor.axes()[number]);
+        let table = Self {
+            values: tensor.samples(),
+            incoming: Side::of_axis(axis(layout.incoming)?)?,
+            outgoing: Side::of_axis(axis(layout.outgoing)?)?,
+            spectral: axis(layout.spectral),
+        };
+        table.checked()
+    }
+
+    /// Returns the table if it has as many values as pairs of directions and bands.
+    fn checked(self) -> Option<Self> {
+        let block = self.incoming.len() * self.block();
+        (block > 0 && self.values.len() % block == 0).then_some(self)
+    }
+
+    /// Returns true if the outgoing directions have no azimuths, although light comes in obliquely: they lie on one
+    /// side of the plane of incidence and cover no area.
+    pub(super) fn is_half_plane(&self) -> bool {
+        self.outgoing.is_isotropic()
+            && (0..self.incoming.len()).any(|incoming| self.incoming.degrees(incoming)[0] > 0.0)
     }
 
     /// Returns the number of spectral bands of the table.
