@@ -157,6 +157,19 @@ impl Random {
         Measurement::new(quantity, quantity.default_unit(), Sampling::Point, tensor).unwrap()
     }
 
+    /// Returns a small BRDF of many bands, noisy and with negative, zero and masked values.
+    fn spectral(&mut self) -> Measurement {
+        let incoming = Axis::Elevation(self.angles((0.0, 90.0), 4));
+        let outgoing = self.grid(true, [6, 6]);
+        let azimuths = outgoing.shape()[1];
+        let bands = WavelengthGrid::even(400.0, 10.0, 30 + self.below(190)).unwrap();
+        let axes = vec![incoming, Axis::Grid(outgoing), Axis::Wavelength(bands)];
+        let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
+        let samples = self.samples(&shape, azimuths);
+        let tensor = Tensor::new(axes, samples).unwrap();
+        Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Point, tensor).unwrap()
+    }
+
     fn settings(&mut self, measurement: &Measurement) -> Settings {
         let has_incoming = matches!(measurement.quantity, Quantity::Brdf);
         let is_lossless = self.chance(0.12);
@@ -340,4 +353,20 @@ fn random_grids_keep_every_promise() {
         refused += u64::from(!is_made);
     }
     assert!(refused * 10 <= count.max(10), "{refused} of {count} were refused");
+}
+
+#[test]
+fn random_spectra_on_grids_are_never_refused() {
+    let count = std::env::var("WAVELUME_GRIDS").map_or(20, |text| text.parse().unwrap_or(20_u64)) / 5;
+    for seed in 0..count.max(12) {
+        let mut random = Random(seed.wrapping_mul(0x2545_F491_4F6C_DD1D) ^ 0x5EED);
+        let measurement = random.spectral();
+        let error = 0.001 * libm::pow(200.0, random.share());
+        let settings = Settings { target: Target::ErL2(error), ..Settings::default() };
+        let axes = measurement.tensor.axes();
+        let compressed = compress(&measurement, &settings, &Silent)
+            .unwrap_or_else(|refusal| panic!("seed {seed}, er(L2) {error}: {axes:?}: {refusal}"));
+        let decoded = decode(&compressed.bytes).unwrap();
+        check_samples(&measurement, &settings, decoded.summary.floor, decoded.measurement.tensor.samples());
+    }
 }

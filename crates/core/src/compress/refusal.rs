@@ -9,16 +9,27 @@ use super::unreachable_error::UnreachableError;
 use crate::codec::CodecError;
 use crate::domain::Measurement;
 
+/// Reasons why the files of a spectral basis may follow a measurement no closer, and a remedy.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Limits {
+    /// True if larger samples make up for the light of negative ones or of those below a floor.
+    pub(super) corrects_light: bool,
+    /// Largest number of vectors of the data's own spectral basis that a file can hold; `None` for other bases.
+    pub(super) vectors: Option<usize>,
+    /// Setting that lets more bases compete; `None` if all of them did.
+    pub(super) another: Option<&'static str>,
+}
+
 /// Builds the error for a bound on the error of the samples that no file with this spectral basis keeps, however small
 /// the quantiser step. `linear` is true if samples are coded, false if their logarithms are.
-/// `corrects_light` is true if larger samples make up for the light of negative ones or of those below a floor.
 pub(super) fn cannot_follow(
     (option, wanted): (&'static str, f64),
     closest: f64,
     (basis, linear): (SpectralBasis, bool),
-    corrects_light: bool,
+    Limits { corrects_light, vectors, another }: Limits,
 ) -> CompressError {
-    UnreachableError::CannotFollow { option, wanted, closest, basis: basis.name(), linear, corrects_light }.into()
+    let basis = basis.name();
+    UnreachableError::CannotFollow { option, wanted, closest, basis, vectors, another, linear, corrects_light }.into()
 }
 
 /// Builds the error that a requested bound on each sample's error is too small for float32 to resolve.

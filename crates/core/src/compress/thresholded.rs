@@ -300,7 +300,12 @@ impl<'a> Work<'a> {
         let search = search.ok_or_else(|| match self.bound() {
             Some(bound) => {
                 let closest = (bound.figure)(&errors(&all(&transform)));
-                refusal::cannot_follow((bound.name, bound.at_most), closest, (self.basis, true), false)
+                refusal::cannot_follow(
+                    (bound.name, bound.at_most),
+                    closest,
+                    (self.basis, true),
+                    refusal::Limits::default(),
+                )
             }
             None => self.too_large(),
         })?;

@@ -14,7 +14,7 @@ pub enum UnreachableError {
     #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Error bound that a basis does not reach, however small the quantiser step.
-    #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear), *corrects_light))]
+    #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *vectors, *another), (*linear, *corrects_light)))]
     CannotFollow {
         /// Name of the option with the error bound.
         option: &'static str,
@@ -26,6 +26,10 @@ pub enum UnreachableError {
         closest: f64,
         /// Name of the spectral basis whose files all miss the bound.
         basis: &'static str,
+        /// Largest number of vectors of the data's own spectral basis that a file can hold; `None` for other bases.
+        vectors: Option<usize>,
+        /// Setting that lets more bases compete for the file, for example `basis auto`; `None` if all of them did.
+        another: Option<&'static str>,
         /// True if samples are coded, false if their logarithms are.
         linear: bool,
         /// True if larger samples make up for the light of negative ones or of those below a floor, because the
@@ -189,6 +193,17 @@ pub enum UnreachableError {
 }
 
 impl UnreachableError {
+    /// Returns the error, or the size in bytes or coefficients, that came closest to the one asked for; infinite if
+    /// unknown.
+    pub(super) fn closest(&self) -> f64 {
+        match *self {
+            Self::CannotFollow { closest, .. } => closest,
+            Self::TooLarge { least, .. } => least,
+            Self::Missed { found, .. } => found,
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Names the bound `asked` by the user in the place of `wanted`, which was rounded down for the search.
     pub(super) fn naming(mut self, asked: f64, rounded: f64) -> Self {
         if let Self::CannotFollow { wanted, .. } | Self::Missed { wanted, .. } = &mut self
@@ -200,13 +215,11 @@ impl UnreachableError {
     }
 }
 
-const KLT: &str = "klt";
-
 fn cannot_follow(
     (name, wanted): (&str, f64),
     closest: f64,
-    (basis, linear): (&str, bool),
-    corrects_light: bool,
+    (basis, vectors, another): (&str, Option<usize>, Option<&str>),
+    (linear, corrects_light): (bool, bool),
 ) -> String {
     let off = if closest.is_finite() { shown(closest) } else { "more than float32 holds".to_owned() };
     let found = format!("{name} {}: with basis {basis} the closest file is off by {off}", shown(wanted));
@@ -217,16 +230,16 @@ fn cannot_follow(
         );
     }
     let what = if linear { "float32 samples" } else { "logarithms in float32" };
-    let why = match basis {
-        KLT => format!("at most 24 spectral vectors, and {what}, follow this measurement no closer"),
-        _ => format!("{what} follow this measurement no closer"),
+    let why = match vectors {
+        Some(most) => format!("at most {most} spectral vectors, and {what}, follow this measurement no closer"),
+        None => format!("{what} follow this measurement no closer"),
     };
     let instead = if closest.is_finite() && closest <= 10.0 {
         format!("{name} {} or more", shown(two_digits_up(closest * 1.05)))
     } else {
         "a larger error".to_owned()
     };
-    let another = if basis == KLT { ", another basis (auto; without random access also bior4.4)" } else { "" };
+    let another = another.map_or_else(String::new, |another| format!(", {another}"));
     format!("{found}: {why}; ask for {instead}{another}, or lossless")
 }
 
@@ -269,7 +282,7 @@ fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_me
         _ => "the smallest file is larger than the size asked for".to_owned(),
     };
     match target {
-        Target::Ratio(_) if basis == KLT => text.push_str(", or for another basis (auto, haar)"),
+        Target::Ratio(_) if basis == "klt" => text.push_str(", or for another basis (auto, haar)"),
         Target::Bytes(_) if has_metadata => {
             text.push_str(", or leave the metadata out (--no-metadata, \"metadata\": false)");
         }
@@ -314,6 +327,8 @@ mod tests {
             wanted,
             closest: 0.119,
             basis: "identity",
+            vectors: None,
+            another: None,
             linear: false,
             corrects_light,
         };
@@ -322,6 +337,19 @@ mod tests {
         assert!(error(0.002, false).to_string().ends_with("ask for er_l2 0.13 or more, or lossless"));
         let light = error(0.002, true).to_string();
         assert!(light.ends_with("ask for a larger error, leave albedo_error out, or lossless"), "{light}");
+        let own = UnreachableError::CannotFollow {
+            option: "er_l2",
+            wanted: 0.002,
+            closest: 0.119,
+            basis: "klt",
+            vectors: Some(64),
+            another: Some("basis auto"),
+            linear: false,
+            corrects_light: false,
+        };
+        let told = "at most 64 spectral vectors, and logarithms in float32, follow this measurement no closer; ask for er_l2 \
+                    0.13 or more, basis auto, or lossless";
+        assert!(own.to_string().ends_with(told), "{own}");
         let missed = |option: &'static str, found| {
             UnreachableError::Missed { option, wanted: 0.07, found, basis: "haar".to_owned() }.to_string()
         };

@@ -8,10 +8,11 @@ use super::super::header::Header;
 use super::super::light::{self, Correcting, Light};
 use super::super::parts::Parts;
 use super::super::policy::Policy;
+use super::super::refusal::Limits;
 use super::super::rows::lanes;
 use super::super::search::Notch;
 use super::super::setting_error::SettingError;
-use super::super::settings::Settings;
+use super::super::settings::{AUTO_BASIS, Settings};
 use super::super::spectral_basis::SpectralBasis;
 use super::adaptive::AdaptiveLayer;
 use super::class_plane::{ClassPlane, approximated};
@@ -19,6 +20,7 @@ use super::gridded::{Form, GridLayer};
 use super::layer::{Counted, FirstLayer, FixedLayer};
 use super::predictive::PredictiveLayer;
 use super::schemes::Scheme;
+use super::spectrum::{MAX_GRID_RANK, MAX_RANK};
 use super::steps::{Fineness, Steps};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
 use crate::domain::{Cancelled, ErrorReport, MeanErrors, Measurement, Progress, Totals};
@@ -180,9 +182,22 @@ impl<'a> Candidate<'a> {
         Ok(if self.plane.weighs_negative { error.max(BROKEN * self.excess(&decoded)) } else { error })
     }
 
-    /// Returns true if larger samples make up for the light that negative ones, or those below the floor, have lost.
-    pub(super) fn makes_up_light(&self) -> bool {
-        self.settings.albedo_error.is_some() && (self.floor > 0.0 || self.plane.counts.negative_samples > 0)
+    /// Returns the reasons why files of this scheme may follow the measurement no closer, and a remedy.
+    pub(super) fn limits(&self) -> Limits {
+        let Settings { basis, random_access, albedo_error, .. } = self.settings;
+        // Larger samples make up for the light that negative ones, or those below the floor, have lost.
+        let corrects_light = albedo_error.is_some() && (self.floor > 0.0 || self.plane.counts.negative_samples > 0);
+        if self.layer.basis() != SpectralBasis::Klt {
+            return Limits { corrects_light, ..Limits::default() };
+        }
+        let another = match (basis == AUTO_BASIS, *random_access) {
+            (true, true) => Some("a file without random access"),
+            (true, false) => None,
+            (false, true) => Some("basis auto without random access"),
+            (false, false) => Some("basis auto"),
+        };
+        let vectors = Some(if self.layer.is_gridded() { MAX_GRID_RANK } else { MAX_RANK });
+        Limits { corrects_light, vectors, another }
     }
 
     /// Largest error of a negative sample that is approximated, as a multiple of the largest magnitude of a negative

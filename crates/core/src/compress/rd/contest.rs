@@ -34,9 +34,11 @@ const SEARCHED: usize = 2;
 /// At a wanted error, wavelets of one measurement need nearly the same step, so the search of the first serves the
 /// others for the comparison. They compete only where the data's own basis follows noise, which costs bits for each
 /// sample. At a wanted size, the search of each scheme starts at the step of the best scheme so far.
+///
+/// `refused` has the schemes that missed the target before: the error or size that each reached, and the failure.
 pub(super) fn best_of<'a>(
     work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
-    schemes: &[Scheme],
+    (schemes, mut refused): (&[Scheme], Vec<(f64, UnreachableError)>),
     (target, samples): (Target, usize),
     progress: &dyn Progress,
 ) -> Result<(Candidate<'a>, Steps, Vec<Ranked>), CompressError> {
@@ -47,7 +49,6 @@ pub(super) fn best_of<'a>(
     // The best candidate itself, kept if it needs little memory.
     let mut best_work = None;
     let mut shared = None;
-    let mut refused = Vec::new();
     let (schemes, start) = match target {
         Target::Bytes(_) if schemes.len() > FEW_SCHEMES && samples <= SMALL => looked_at(work, schemes, progress)?,
         _ => (schemes.iter().collect(), None),

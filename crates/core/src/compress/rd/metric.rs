@@ -4,7 +4,7 @@ use super::super::below_floor::BelowFloor;
 use super::super::classes::apply_classes;
 use super::super::error::CompressError;
 use super::super::promise::colours_of;
-use super::super::refusal;
+use super::super::refusal::{self, Limits};
 use super::super::search::Falling;
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
@@ -34,8 +34,8 @@ pub(super) struct Trial<'a, F> {
     pub(super) floor: f32,
     /// True if quantiser steps are in the unit of the samples, false if in natural logarithms.
     pub(super) linear: bool,
-    /// True if larger samples make up for the light of negative ones or of those below the floor.
-    pub(super) corrects_light: bool,
+    /// Reasons why files may follow the samples no closer, and a remedy.
+    pub(super) limits: Limits,
     /// Function that computes the decoded magnitudes for a quantiser step.
     pub(super) magnitudes: F,
 }
@@ -110,7 +110,7 @@ impl<F: Fn(f32) -> Vec<f32>> Trial<'_, F> {
             Metric::Colours(_, at_most) => ("delta_e", *at_most),
             Metric::Samples(bound) => (bound.name, bound.at_most),
         };
-        Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear), self.corrects_light))
+        Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear), self.limits))
     }
 
     /// Initial guess of the quantiser step for a wanted error: that of a uniform quantiser, larger because most

@@ -31,7 +31,7 @@ mod symmetry;
 mod symmetry_search;
 mod target_steps;
 
-use super::compressed::Compressed;
+use super::compressed::{Compressed, Ranked};
 use super::effort::Tally;
 use super::error::CompressError;
 use super::finish::finish;
@@ -44,8 +44,9 @@ use crate::domain::{ErrorReport, Measurement, Progress, Restated};
 use candidate::Candidate;
 use class_plane::ClassPlane;
 use floored::{Below, Negative};
-use schemes::{Scheme, schemes};
+use schemes::{Scheme, fallbacks, schemes};
 use sized::settled;
+use steps::Steps;
 use target_steps::{find_steps, refined};
 
 /// Compresses with every candidate coding scheme and keeps the best file: the smallest at a wanted error, the one of
@@ -106,18 +107,17 @@ fn compress_with(
     let work = |scheme: &Scheme| Candidate::new(measurement, plane, scheme, settings, (floor, tally));
     let schemes = schemes(measurement, plane, bases, settings)?;
     progress.step(0.05)?;
-    let (work, steps, ranking) = match schemes.as_slice() {
-        [only] => {
-            let work = work(only)?;
-            let found = find_steps(&work, progress)?;
-            let found = if work.has_levels() { settled(&work, found, progress)? } else { found };
-            let steps = refined(&work, found, progress)?;
-            (work, steps, None)
-        }
-        several => {
-            let (work, steps, ranking) = contest::best_of(&work, several, (settings.target, samples.len()), progress)?;
-            (work, steps, Some(ranking))
-        }
+    let of = (settings.target, samples.len());
+    let (work, steps, ranking) = match best_of(&work, &schemes, of, progress) {
+        Err(CompressError::Unreachable(error)) => match fallbacks(measurement, noise, bases, settings) {
+            none if none.is_empty() => return Err(error.into()),
+            others => {
+                let refused = vec![(error.closest(), error)];
+                let (work, steps, ranking) = contest::best_of(&work, (&others, refused), of, progress)?;
+                (work, steps, Some(ranking))
+            }
+        },
+        found => found?,
     };
     let parts = work.encode(steps);
     // Frees memory for decoding.
@@ -127,4 +127,22 @@ fn compress_with(
     let compressed = finish(parts, measurement, settings.metadata.as_deref())?;
     let ranking = ranking.unwrap_or(compressed.ranking);
     Ok(Compressed { ranking, ..compressed })
+}
+
+/// Returns the best of the coding schemes for a target with its quantiser steps, and a ranking if several compete.
+fn best_of<'a>(
+    work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
+    schemes: &[Scheme],
+    of: (Target, usize),
+    progress: &dyn Progress,
+) -> Result<(Candidate<'a>, Steps, Option<Vec<Ranked>>), CompressError> {
+    let [only] = schemes else {
+        let (work, steps, ranking) = contest::best_of(work, (schemes, Vec::new()), of, progress)?;
+        return Ok((work, steps, Some(ranking)));
+    };
+    let work = work(only)?;
+    let found = find_steps(&work, progress)?;
+    let found = if work.has_levels() { settled(&work, found, progress)? } else { found };
+    let steps = refined(&work, found, progress)?;
+    Ok((work, steps, None))
 }

@@ -129,20 +129,48 @@ pub(super) fn schemes(
     Ok(schemes)
 }
 
-/// Returns the competing coding schemes of a grid of angles: principal components for spectra, single channels for
-/// colours, and both for few channels.
-fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plane: ClassPlane<'_>) -> Vec<Scheme> {
+/// Returns the coding schemes for a measurement that none of those of [`schemes`] can follow, if the basis is chosen
+/// automatically: each channel of a grid of angles by itself, and wavelets. They follow any spectra, such as those of
+/// more noisy bands than a file can hold vectors. Empty if [`schemes`] has them already.
+pub(super) fn fallbacks(
+    measurement: &Measurement,
+    noise: Option<f64>,
+    bases: &[SpectralBasis],
+    settings: &Settings,
+) -> Vec<Scheme> {
+    let shape = GridShape::of(measurement.tensor.axes()).filter(|shape| shape.length() > MOST_CHANNELS);
+    let (Some(shape), true) = (shape, settings.basis == AUTO_BASIS) else { return Vec::new() };
+    let channels = Scheme::Gridded {
+        shape,
+        klt: false,
+        learns: true,
+        model: Behind::Nothing,
+        divisor: Divisor::None,
+        step: expected_step(settings, noise),
+    };
+    let wavelets = bases.iter().filter(|basis| **basis != SpectralBasis::Klt && !settings.random_access);
+    std::iter::once(channels).chain(wavelets.map(|&basis| Scheme::Fixed(basis))).collect()
+}
+
+/// Returns the quantiser step expected for the target of `settings`, given the relative `noise` of the samples.
+fn expected_step(settings: &Settings, noise: Option<f64>) -> f64 {
     let tolerance = match settings.target {
         Target::ErL1(error) | Target::ErL2(error) | Target::RelativeRmse(error) => error,
         Target::MaxRelativeError(error) => 0.5 * error,
-        Target::Auto => plane.noise.unwrap_or(0.02),
+        Target::Auto => noise.unwrap_or(0.02),
         _ => 0.02,
     };
     // The error of a uniform quantiser is its step / √12.
-    let step = match settings.target {
+    match settings.target {
         Target::Step(step) => step,
         _ => tolerance * libm::sqrt(12.0),
-    };
+    }
+}
+
+/// Returns the competing coding schemes of a grid of angles: principal components for spectra, single channels for
+/// colours, and both for few channels.
+fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plane: ClassPlane<'_>) -> Vec<Scheme> {
+    let step = expected_step(settings, plane.noise);
     let own = bases.contains(&SpectralBasis::Klt) && shape.length() > 1;
     let is_named = settings.basis == "klt";
     // Planes of few channels predict each other as well as a basis does.

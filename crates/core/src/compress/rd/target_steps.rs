@@ -83,7 +83,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
                 return Ok(Steps::of(step));
             }
             let of = (candidate.layer.basis(), false);
-            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), of, candidate.makes_up_light()))
+            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), of, candidate.limits()))
         }
         Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
             let magnitudes = |step: f32| candidate.magnitudes(Fineness::of(step));
@@ -93,7 +93,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
                 classes,
                 floor: candidate.floor,
                 linear: candidate.plane.values.is_linear(),
-                corrects_light: candidate.makes_up_light(),
+                limits: candidate.limits(),
                 magnitudes,
             };
             let found = trial.largest_step(
