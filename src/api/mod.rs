@@ -36,6 +36,7 @@ mod needs;
 mod pace;
 mod page;
 mod patient;
+mod physics;
 mod places;
 mod preview;
 mod problem;

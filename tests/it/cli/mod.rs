@@ -11,6 +11,7 @@ mod scans;
 mod service;
 mod settings;
 mod tls;
+mod trade;
 mod views;
 
 pub(crate) use scans::noisy_lobe;
