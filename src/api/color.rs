@@ -3,7 +3,7 @@
 use super::caller::Caller;
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
-use super::query::{compute, direction, indices, open, read};
+use super::query::{compute, direction, indices, open, outgoing, read};
 use super::schemas::{DirectionText, IlluminantText, IndexText, ObserverText};
 use super::state::{App, Service};
 use crate::domain::colour::{Illuminant, StandardObserver, TableError};
@@ -35,6 +35,12 @@ struct ColorQuery {
     /// Outgoing direction `θ,φ` in degrees. Default: all outgoing directions together (directional albedo, flux).
     #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
+    /// Azimuth C of the outgoing direction of a luminaire in degrees, with `gamma` instead of `wo` (phi = C).
+    c: Option<f64>,
+    /// Angle of the outgoing direction of a luminaire from straight down in degrees, with `c` instead of `wo` (theta =
+    /// 180° − gamma).
+    #[param(minimum = 0, maximum = 180)]
+    gamma: Option<f64>,
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. Default: every column of a
     /// spectral table.
     #[param(value_type = Option<IndexText>)]
@@ -123,6 +129,7 @@ async fn color(app: App, caller: Caller, Id(id): Id, Query(query): Query<ColorQu
     let sources = asked.open(&app).await?;
     compute(&app, move || {
         let viewing = sources.viewing()?;
+        let wo = outgoing(wo, (query.c, query.gamma), &material)?;
         let question = Question { index: index.as_deref(), wi, wo };
         Ok(preview::colours(&material, &question, &viewing)?)
     })

@@ -126,6 +126,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("pdf", &[WRITES, ONE, QUERY, CATALOG, OPENS, JSON, BATCH]),
     ("sample", &[WRITES, ONE, QUERY, CATALOG, OPENS, JSON, BATCH]),
     ("color", &[ONE, QUERY, CATALOG, OPENS]),
+    ("physics", &[ONE, CATALOG, OPENS]),
     ("preview", &[ONE, QUERY, CATALOG, OPENS]),
     ("export", &[ONE, QUERY, CATALOG, OPENS, EXPORT]),
     ("list_tenants", &[CATALOG]),

@@ -37,6 +37,7 @@ mod needs;
 mod pace;
 mod page;
 mod patient;
+mod physics;
 mod places;
 mod preview;
 mod problem;

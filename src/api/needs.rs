@@ -65,6 +65,7 @@ pub(crate) const NEEDS: &[(&str, &str, Need)] = &[
     ("POST", "/v1/materials/{id}/pdf", Need::Material),
     ("POST", "/v1/materials/{id}/sample", Need::Material),
     ("GET", "/v1/materials/{id}/color", Need::Material),
+    ("GET", "/v1/materials/{id}/physics", Need::Material),
     ("GET", "/v1/materials/{id}/preview.png", Need::Material),
     ("GET", "/v1/materials/{id}/export", Need::Material),
     ("POST", "/v1/keys", Need::Tenant),

@@ -18,6 +18,7 @@ fn routes() -> OpenApiRouter<Service> {
         .merge(super::material_upload::routes())
         .merge(super::query::routes())
         .merge(super::color::routes())
+        .merge(super::physics::routes())
         .merge(super::preview::routes())
         .merge(super::export::routes())
         .merge(super::tenants::routes())

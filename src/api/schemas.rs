@@ -112,6 +112,16 @@ described! {
         .items(number())
         .min_items(Some(2))
         .max_items(Some(2));
+    /// Schema of a direction of a luminaire in JSON: azimuth C and angle gamma from straight down in degrees.
+    LuminaireAngles = "LuminaireDirection", ArrayBuilder::new()
+        .description(Some("`[C, gamma]` in degrees."))
+        .prefix_items([
+            Schema::from(number()),
+            Schema::from(number().minimum(Some(0.0)).maximum(Some(180.0))),
+        ])
+        .items(number())
+        .min_items(Some(2))
+        .max_items(Some(2));
     /// Schema of one or several directions in JSON, each a polar angle θ and an azimuth φ in degrees.
     OneOrMoreAngles = "Directions", OneOfBuilder::new()
         .description(Some("`[θ, φ]` in degrees or a list of such."))

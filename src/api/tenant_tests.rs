@@ -245,6 +245,7 @@ const PATHS: &[Ask] = &[
     (0, "POST", "/v1/materials/ID/pdf", &[JSON], "{\"wo\":[[0,0]]}"),
     (0, "POST", "/v1/materials/ID/sample", &[JSON], "{}"),
     (0, "GET", "/v1/materials/ID/color", &[], ""),
+    (0, "GET", "/v1/materials/ID/physics", &[], ""),
     (0, "GET", "/v1/materials/ID/preview.png", &[], ""),
     (0, "GET", "/v1/materials/ID/preview.png", &[ANY], ""),
     (0, "GET", "/v1/materials/ID/export?format=npy", &[], ""),

@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::guard::Outputs;
+use super::output::{count as thousands, warn};
 use super::rows::Rows;
 use super::table::{Table, TableFormat};
 use crate::domain::{Direction, Quantity};
@@ -10,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// Upper bound on the output values that are computed at once for a table of queries. Raising it costs memory.
 const VALUES: usize = 1 << 20;
+/// Name of the column that flags extrapolated answers.
+const EXTRAPOLATED: &str = "extrapolated";
 /// Upper bound on the rows of a table of queries that are read and answered at once. Raising it costs memory.
 const ROWS: usize = 1 << 14;
 
@@ -46,6 +49,12 @@ impl Block {
         self.range.len()
     }
 
+    /// Returns true if a direction of a query of this block lies beyond the measured angles of the material.
+    fn is_extrapolated(&self, query: usize, material: &Material) -> bool {
+        let of = |all: &Option<Vec<Direction>>| all.as_ref().map(|all| all[self.range.start + query]);
+        material.is_extrapolated(of(&self.wi), of(&self.wo))
+    }
+
     /// Returns the incoming directions of the queries; `None` if the table has no column for them.
     pub(crate) fn wi(&self) -> Option<Directions<'_>> {
         self.wi.as_deref().map(|all| Directions::of(&all[self.range.clone()]))
@@ -66,25 +75,27 @@ impl Block {
 impl Queries {
     /// Opens a table of directions at which a material is evaluated.
     pub(crate) fn evaluated(path: &Path, material: &Material) -> Result<Self, Failure> {
-        let columns: &[&str] = match sides(material) {
-            (true, true) => &["theta_i", "phi_i", "theta_o", "phi_o"],
-            (true, false) => &["theta_i", "phi_i"],
-            (false, true) => &["theta_o", "phi_o"],
+        let choices: &[&[&str]] = match sides(material) {
+            (true, true) => &[&["theta_i", "phi_i", "theta_o", "phi_o"]],
+            (true, false) => &[&["theta_i", "phi_i"]],
+            (false, true) if material.quantity() == Quantity::Edf => &[&["theta_o", "phi_o"], &["c", "gamma"]],
+            (false, true) => &[&["theta_o", "phi_o"]],
             (false, false) => {
                 return Err(Failure::usage("--directions: this material has no directions, leave it out"));
             }
         };
-        Self::open(path, columns)
+        Self::open(path, choices)
     }
 
     /// Opens a table for drawing directions at random. Each row has a point of the unit square, and an incoming
     /// direction if the material depends on one.
     pub(crate) fn drawn(path: &Path, material: &Material) -> Result<Self, Failure> {
-        Self::open(path, if sides(material).0 { &["theta_i", "phi_i", "u1", "u2"] } else { &["u1", "u2"] })
+        Self::open(path, if sides(material).0 { &[&["theta_i", "phi_i", "u1", "u2"]] } else { &[&["u1", "u2"]] })
     }
 
-    fn open(path: &Path, columns: &'static [&'static str]) -> Result<Self, Failure> {
-        Ok(Self { rows: Rows::open(path, columns)?, path: path.to_owned(), columns })
+    fn open(path: &Path, choices: &[&'static [&'static str]]) -> Result<Self, Failure> {
+        let rows = Rows::open(path, choices)?;
+        Ok(Self { columns: rows.names(), rows, path: path.to_owned() })
     }
 
     /// Builds queries from `numbers`, the values of consecutive rows of a table. `before` is the number of rows read
@@ -96,8 +107,8 @@ impl Queries {
         let check = |row: usize, at: usize| {
             let (found, name) = (numbers[row * width + at], self.columns[at]);
             let (is_right, expected) = match name.split('_').next() {
-                Some("theta") => ((0.0..=180.0).contains(&found), "0 to 180 degrees"),
-                Some("phi") => (found.is_finite(), "degrees"),
+                Some("theta" | "gamma") => ((0.0..=180.0).contains(&found), "0 to 180 degrees"),
+                Some("phi" | "c") => (found.is_finite(), "degrees"),
                 _ => ((0.0..1.0).contains(&found), "0 to less than 1"),
             };
             if is_right {
@@ -113,7 +124,9 @@ impl Queries {
         let directions = |angles: Option<Vec<[f64; 2]>>| {
             angles.map(|all| all.into_iter().map(|[theta, phi]| Direction::from_degrees(theta, phi)).collect())
         };
-        let (wi, wo) = (directions(pairs("theta_i")?), directions(pairs("theta_o")?));
+        let of_luminaire = |[c, gamma]: [f64; 2]| Direction::from_luminaire_degrees(c, gamma);
+        let luminaire = pairs("c")?.map(|all| all.into_iter().map(of_luminaire).collect());
+        let (wi, wo) = (directions(pairs("theta_i")?), directions(pairs("theta_o")?).or(luminaire));
         Ok(Block { wi, wo, points: pairs("u1")?.unwrap_or_default(), range: 0..count })
     }
 }
@@ -146,21 +159,32 @@ impl BatchArgs {
         }
     }
 
-    /// Answers all queries of a table, block by block. `ask` computes `names.len()` values for each query of a block.
+    /// Answers all queries of a table about `material`, block by block. `ask` computes `names.len()` values for each
+    /// query of a block. A CSV has a last column `extrapolated`: 1 where a direction lies beyond the measured angles.
+    /// For other formats a warning counts these queries.
     pub(crate) fn answer(
         &self,
         mut queries: Queries,
         names: &[String],
+        material: &Material,
         ask: impl Fn(&Block, &mut [f32]) -> Result<(), EvaluateError>,
     ) -> Result<(), Failure> {
         let width = names.len();
         let most = (VALUES / width.max(1)).clamp(1, ROWS);
-        let mut table = Table::new(self.output.as_deref(), self.format, names)?;
+        let mut table = Table::new(self.output.as_deref(), self.format, names, EXTRAPOLATED)?;
         let (mut numbers, mut values, mut before) = (Vec::new(), Vec::new(), 0_u64);
+        let mut extrapolated = 0_u64;
         loop {
             numbers.clear();
             let count = queries.rows.read(most, &mut numbers)?;
             if count == 0 {
+                if extrapolated > 0 && !table.has_flags() {
+                    warn(&format!(
+                        "{} of {} queries lie beyond the measured angles: their values are extrapolated",
+                        thousands(extrapolated),
+                        thousands(before)
+                    ));
+                }
                 return table.finish();
             }
             let mut block = queries.block(&numbers, before)?;
@@ -182,7 +206,9 @@ impl BatchArgs {
                 };
                 return Err(failure.about(&queries.path));
             }
-            table.write(&values)?;
+            let flags: Vec<bool> = (0..count).map(|query| block.is_extrapolated(query, material)).collect();
+            extrapolated += flags.iter().filter(|flag| **flag).count() as u64;
+            table.write(&values, &flags)?;
             before += count as u64;
         }
     }

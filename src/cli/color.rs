@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::opened::{Made, Opened};
 use super::output::print_json;
-use super::query::{self, List};
+use super::query::{self, List, LuminaireArgs};
 use super::viewing::ViewingArgs;
 use crate::domain::Direction;
 use crate::preview::{self, Colours, Question};
@@ -22,6 +22,8 @@ pub(crate) struct Args {
     /// directional albedo or flux]
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     wo: Option<Direction>,
+    #[command(flatten)]
+    luminaire: LuminaireArgs,
     /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0 [default: every
     /// column of a spectral table]
     #[arg(long, value_name = "I,...", value_parser = query::index)]
@@ -45,7 +47,8 @@ struct Answer {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let viewing = args.viewing.viewing()?;
     let (material, compressed_in_memory) = Opened::open(&args.material)?;
-    let question = Question { index: args.index.as_ref().map(|index| index.0.as_slice()), wi: args.wi, wo: args.wo };
+    let wo = args.luminaire.outgoing(args.wo, &material).map_err(|failure| failure.about(&args.material))?;
+    let question = Question { index: args.index.as_ref().map(|index| index.0.as_slice()), wi: args.wi, wo };
     let colours = preview::colours(&material, &question, &viewing);
     let colours = colours.map_err(|error| Failure::from(error).about(&args.material))?;
     print_json(&Answer { colours, compressed_in_memory })

@@ -6,7 +6,7 @@ use super::failure::Failure;
 use super::guard::Outputs;
 use super::opened::{Made, Opened};
 use super::output::print_json;
-use super::query::{self, List};
+use super::query::{self, List, LuminaireArgs};
 use super::request::ThreadsArgs;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{BEYOND, Beyond, INTERPOLATION, Interpolation, Material, Pairs, Place};
@@ -28,10 +28,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wo: Option<Direction>,
+    #[command(flatten)]
+    luminaire: LuminaireArgs,
     /// Table of directions instead of --wi and --wo, one query for each row: a CSV with column names in its first line,
     /// or a NumPy array [rows, columns]; - is stdin. Columns are `theta_i, phi_i, theta_o, phi_o` in degrees, in this
-    /// order in an array, without those that the quantity does not have
-    #[arg(long, value_name = "FILE.csv|npy|-")]
+    /// order in an array, without those that the quantity does not have; of a luminaire also `c, gamma` in a CSV
+    #[arg(long, value_name = "FILE.csv|npy|-", conflicts_with_all = ["c", "gamma"])]
     directions: Option<PathBuf>,
     #[command(flatten)]
     batch: BatchArgs,
@@ -81,7 +83,7 @@ struct Answer {
     wavelengths: Option<Vec<f64>>,
     values: Vec<f32>,
     unit: Unit,
-    /// True if the polar angle of the incoming direction exceeds the largest measured one.
+    /// True if a direction lies beyond the measured angles, where the values of the last ones are continued.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     extrapolated: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -98,13 +100,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (material, compressed_in_memory) = args.threads.run(|| Opened::open(&args.material))??;
     let about = |error| Failure::from(error).about(&args.material);
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
-    let place = Place { index, wi: args.wi, wo: args.wo };
+    let wo = args.luminaire.outgoing(args.wo, &material).map_err(|failure| failure.about(&args.material))?;
+    let place = Place { index, wi: args.wi, wo };
     let OptionArgs { interpolation: how, beyond } = args.options;
     if let Some(table) = &args.directions {
         return args.threads.run(|| rows(args, table, &material, how, beyond))?;
     }
     args.batch.check_unused()?;
-    let (unit, extrapolated) = (material.unit(), material.is_extrapolated(args.wi));
+    let (unit, extrapolated) = (material.unit(), material.is_extrapolated(args.wi, wo));
     let Some(List(wavelengths)) = &args.wavelengths else {
         let mut values = vec![0.0; material.lambdas()];
         material.evaluate(place, how, &mut values).map_err(about)?;
@@ -128,7 +131,7 @@ fn rows(args: &Args, table: &Path, material: &Material, how: Interpolation, beyo
     };
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
     let queries = Queries::evaluated(table, material)?;
-    args.batch.answer(queries, &names, |rows, out| {
+    args.batch.answer(queries, &names, material, |rows, out| {
         let pairs = Pairs { index, wi: rows.wi(), wo: rows.wo() };
         match wavelengths {
             Some(wavelengths) => material.spectra_at(pairs, how, beyond, wavelengths, out),

@@ -13,7 +13,7 @@ use crate::compress;
 use crate::domain::{Axis, ErrorReport, Lobe, Measurement, Quantity, Sampling, Unit};
 use crate::formats;
 use crate::jobs::{AxisKind, Options, Understood, describe};
-use crate::pipeline::{self, Report, Request, Stated, StatedOrigin};
+use crate::pipeline::{self, Product, Report, Request, Stated, StatedOrigin};
 use crate::projection::Coverage;
 use serde::Serialize;
 
@@ -178,6 +178,8 @@ struct Material {
     /// Narrow reflection lobe that the file stores as a formula beside the samples; absent if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     analytic_lobe: Option<Lobe>,
+    /// Facts about the lamp or sample that the source file stated.
+    product: Product,
     /// Provenance from the metadata of the file; `null` if there is none.
     provenance: Option<serde_json::Value>,
     #[serde(skip)]
@@ -211,6 +213,7 @@ impl Material {
             straight_lines: summary.straight_lines,
             between: summary.between,
             analytic_lobe: summary.lobe,
+            product: Product::of(summary.metadata.as_deref()),
             provenance,
             origin,
         })
@@ -260,6 +263,9 @@ impl Material {
         }
         if let Some(fit) = &self.report.fit {
             stated_fit_lines(sheet, fit);
+        }
+        for (label, text) in self.product.lines() {
+            sheet.line(label, text);
         }
         if !self.report.format.is_empty() {
             sheet.line("made from", labelled(&self.report.format, &self.report.dialect));

@@ -1,88 +1,101 @@
-//! `wavelume physics`: the energy, flux and reciprocity of a material.
+//! `wavelume physics`: the energy, flux and reciprocity of a material, and the figures of its trade.
 
 use super::failure::Failure;
+use super::input::read_file;
 use super::opened::{Made, Opened};
 use super::output::{Sheet, count, per_cent, print, print_json, three_digits};
 use super::report::axes_lines;
-use crate::domain::{Axis, DEFAULT_ERROR, Quantity, Unit};
+use crate::domain::{DEFAULT_ERROR, Unit};
+use crate::evaluate::Material;
 use crate::evaluate::physics::{
-    AlbedoReport, Allowance, EnergyReport, FluxReport, NormalisationReport, ReciprocityReport, Spot, Verdict,
+    AlbedoReport, Allowance, FluxReport, IntensityAt, NormalisationReport, ReciprocityReport, Spot, Verdict,
 };
-use crate::evaluate::{EvaluateError, Material};
+use crate::formats::Interpretation;
+use crate::pipeline::{self, LightFigures, LuminaireFigures, PhysicsReport, SurfaceFigures};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Material (compressed measurement) to check, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
+    /// Measurement from which the material of a surface was made: adds the colour differences between the two under
+    /// light at 45 degrees
+    #[arg(long, value_name = "FILE")]
+    source: Option<PathBuf>,
     /// Print the report as one line of JSON, with the albedo of every incoming direction
     #[arg(long)]
     json: bool,
 }
 
-/// Results of the physical checks on a material; reciprocity is checked for a BRDF, BSDF or phase function only.
+/// Report on a material, and how it was made if a measurement was given.
 #[derive(Serialize)]
 struct Answer {
-    quantity: Quantity,
-    unit: Unit,
-    axes: Vec<String>,
-    energy: EnergyReport,
-    reciprocity: Option<ReciprocityReport>,
+    #[serde(flatten)]
+    report: PhysicsReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     compressed_in_memory: Option<Made>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let (material, compressed_in_memory) = Opened::open(&args.material)?;
-    let answer = Answer::of(&material).map_err(|error| Failure::from(error).about(&args.material))?;
-    let answer = Answer { compressed_in_memory, ..answer };
+    let Opened { bytes, made: compressed_in_memory } = Opened::read(&args.material)?;
+    let material = Material::open(&bytes).map_err(|error| Failure::from(error).about(&args.material))?;
+    let source = args.source.as_deref().map(|path| source(path, &bytes, &args.material)).transpose()?;
+    let report = PhysicsReport::beside(&material, source.as_ref());
+    let report = report.map_err(|error| Failure::from(error).about(&args.material))?;
     if args.json {
-        return print_json(&answer);
+        return print_json(&Answer { report, compressed_in_memory });
     }
-    print(&answer.sheet(&material).render(&args.material.display().to_string()))
+    print(&sheet(&report, material.wavelengths().as_deref()).render(&args.material.display().to_string()))
 }
 
-impl Answer {
-    fn of(material: &Material) -> Result<Self, EvaluateError> {
-        let has_two_ways = matches!(material.quantity(), Quantity::Brdf | Quantity::Bsdf | Quantity::Phase);
-        Ok(Self {
-            quantity: material.quantity(),
-            unit: material.unit(),
-            axes: material.axes().iter().map(Axis::describe).collect(),
-            energy: material.energy()?,
-            reciprocity: if has_two_ways { Some(material.reciprocity()?) } else { None },
-            compressed_in_memory: None,
-        })
-    }
+/// Opens the measurement in the file `path` like the material in `made`, which the file `material` holds.
+fn source(path: &Path, made: &[u8], material: &Path) -> Result<Material, Failure> {
+    let bytes = read_file(path)?;
+    let stated = pipeline::stated_in_header(made).map_err(|error| Failure::from(error).about(material))?.origin;
+    let interpretation = Interpretation::default();
+    let input = pipeline::Input { bytes: &bytes, spectrum: None, interpretation: &interpretation };
+    let request = stated.request.unwrap_or_else(|| pipeline::Request::er_l2(DEFAULT_ERROR));
+    let opened = pipeline::open_source(&input, made, &request);
+    opened.map_err(|error| Failure::failed(error).about(path))
+}
 
-    fn sheet(&self, material: &Material) -> Sheet {
-        let mut sheet = Sheet::default();
-        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
-        axes_lines(&mut sheet, &self.axes);
-        if let Some(reason) = &self.energy.reason {
+/// Makes the lines of the report; `wavelengths` are those of the material in nm.
+fn sheet(report: &PhysicsReport, wavelengths: Option<&[f64]>) -> Sheet {
+    let mut sheet = Sheet::default();
+    sheet.line("quantity", format!("{}, {}", report.quantity, report.unit));
+    axes_lines(&mut sheet, &report.axes);
+    if let Some(energy) = &report.energy {
+        if let Some(reason) = &energy.reason {
             sheet.line("energy", reason);
         }
-        if let Some(albedo) = &self.energy.albedo {
+        if let Some(albedo) = &energy.albedo {
             albedo_lines(&mut sheet, albedo);
         }
-        if let Some(normalisation) = &self.energy.normalisation {
+        if let Some(normalisation) = &energy.normalisation {
             normalisation_lines(&mut sheet, normalisation);
         }
-        for flux in self.energy.flux.iter().flatten() {
-            flux_lines(&mut sheet, flux, material);
+        for flux in energy.flux.iter().flatten() {
+            flux_lines(&mut sheet, flux, report.unit, wavelengths);
         }
-        if let Some(reciprocity) = &self.reciprocity {
-            reciprocity_lines(&mut sheet, reciprocity);
-        }
-        let promised = material.summary().map_or(0.0, |summary| summary.errors.er_l2);
-        let promised = if promised > 0.0 { promised } else { DEFAULT_ERROR };
-        if let Some(warning) = material.left_out(0.0).and_then(|left_out| left_out.warning(promised)) {
-            sheet.line("warning", warning);
-        }
-        sheet
     }
+    for figures in &report.luminaire {
+        luminaire_lines(&mut sheet, figures);
+    }
+    for figures in &report.surface {
+        surface_lines(&mut sheet, figures);
+    }
+    for figures in &report.light {
+        light_lines(&mut sheet, figures);
+    }
+    if let Some(reciprocity) = &report.reciprocity {
+        reciprocity_lines(&mut sheet, reciprocity);
+    }
+    if let Some(warning) = &report.warning {
+        sheet.line("warning", warning);
+    }
+    sheet
 }
 
 fn albedo_lines(sheet: &mut Sheet, albedo: &AlbedoReport) {
@@ -146,8 +159,8 @@ fn normalisation_lines(sheet: &mut Sheet, report: &NormalisationReport) {
     );
 }
 
-fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, material: &Material) {
-    let entry = if flux.index.is_empty() { String::new() } else { format!(" of {:?}", flux.index) };
+fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, unit: Unit, wavelengths: Option<&[f64]>) {
+    let entry = entry_of(&flux.index);
     let spectral = || flux.spectral.iter().enumerate().filter_map(|(lambda, v)| v.map(|v| (lambda, v)));
     let most = spectral().fold(None, |most: Option<(usize, f64)>, one| match most {
         Some(most) if most.1 >= one.1 => Some(most),
@@ -155,12 +168,10 @@ fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, material: &Material) {
     });
     match (flux.total, most) {
         (Some(total), _) => sheet.line("flux", format!("{} {}{entry}", three_digits(total), flux.total_unit)),
-        (None, Some(_)) => {
-            sheet.line("flux", format!("known by wavelength only{entry}; the unit is {}", material.unit()))
-        }
+        (None, Some(_)) => sheet.line("flux", format!("known by wavelength only{entry}; the unit is {unit}")),
         (None, None) => sheet.line("flux", format!("masked{entry}")),
     };
-    if let (Some((lambda, value)), Some(wavelengths)) = (most, material.wavelengths()) {
+    if let (Some((lambda, value)), Some(wavelengths)) = (most, wavelengths) {
         let at = wavelengths[lambda];
         sheet.line("flux", format!("at most {} {}, at {at} nm", three_digits(value), flux.unit));
     }
@@ -171,6 +182,77 @@ fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, material: &Material) {
         }
         (None, reason) => sheet.line("luminous flux", format!("not known: {}", reason.as_deref().unwrap_or_default())),
     };
+}
+
+fn luminaire_lines(sheet: &mut Sheet, luminaire: &LuminaireFigures) {
+    let figures = &luminaire.figures;
+    let entry = entry_of(&figures.index);
+    let at = |peak: &IntensityAt| {
+        let [c, gamma] = [peak.c, peak.gamma].map(tenth);
+        format!("{} {} at C {c}°, gamma {gamma}°", three_digits(peak.value), figures.unit)
+    };
+    sheet.line("peak", figures.peak.as_ref().map_or_else(|| "–".to_owned(), at) + &entry);
+    for plane in &figures.planes {
+        let Some(peak) = &plane.peak else {
+            sheet.line(plane.plane, "–");
+            continue;
+        };
+        let [beam, field] = [plane.beam, plane.field].map(|angle| angle.map_or("–".to_owned(), |a| tenth(a) + "°"));
+        let largest = at(peak);
+        sheet.line(plane.plane, format!("beam {beam} (50 %), field {field} (10 % of {largest})"));
+    }
+    for zone in &figures.zones {
+        let share = zone.flux.zip(figures.flux).filter(|(_, flux)| *flux > 0.0);
+        let text = share
+            .map(|(zone, flux)| format!("{} {}, {}", three_digits(zone), figures.flux_unit, per_cent(zone / flux)));
+        sheet.line("zones", format!("gamma {}–{}°: {}", zone.from, zone.to, text.unwrap_or_else(|| "–".to_owned())));
+    }
+    if let (Some(efficacy), Some(watts)) = (luminaire.efficacy, luminaire.watts) {
+        sheet.line("efficacy", format!("{} lm/W with the {watts} W that the file states", three_digits(efficacy)));
+    }
+    if let (Some(ratio), Some(lumens)) = (luminaire.light_output_ratio, luminaire.lamp_lumens) {
+        let stated = format!("of the {lumens} lm that the file states for the lamps");
+        sheet.line("light output ratio", format!("{} {stated}", per_cent(ratio)));
+    }
+}
+
+fn surface_lines(sheet: &mut Sheet, figures: &SurfaceFigures) {
+    let entry = entry_of(&figures.index);
+    let known = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), three_digits);
+    if !figures.gloss.is_empty() {
+        let gloss = figures.gloss.iter().map(|one| format!("{} at {}°", known(one.gloss), one.angle));
+        sheet.line("gloss", format!("{}{entry} (100 is black glass, ISO 2813)", gloss.collect::<Vec<_>>().join(", ")));
+    }
+    for colour in &figures.colours {
+        let lab = colour.lab.map(|lab| lab.map(|v| format!("{v:.2}")).join(", "));
+        let text = lab.map_or_else(|| "–".to_owned(), |lab| format!("L*a*b* {lab}, Y {}", known(colour.y)));
+        sheet.line("colour", format!("{}: {text}{entry}", colour.geometry));
+    }
+    if let Some(differences) = &figures.delta_e {
+        let each = differences.iter().map(|one| format!("{} at {}°", known(one.delta_e), one.aspecular));
+        sheet.line("CIEDE2000", format!("{}{entry}, aspecular under 45°", each.collect::<Vec<_>>().join(", ")));
+    }
+}
+
+fn light_lines(sheet: &mut Sheet, figures: &LightFigures) {
+    let entry = entry_of(&figures.index);
+    let [x, y] = figures.xy;
+    let temperature = match figures.cct.zip(figures.duv) {
+        Some((cct, duv)) => format!("{cct:.0} K, Duv {duv:+.4}"),
+        None => "no colour temperature: more than 0.05 from the Planckian locus".to_owned(),
+    };
+    let rendering = figures.rendering.map(|found| format!(", Ra {:.1}", found.general)).unwrap_or_default();
+    sheet.line("light", format!("x {x:.4}, y {y:.4}, {temperature}{rendering}{entry}"));
+}
+
+/// Words for the entry of a report, its position on each index axis; empty without such axes.
+fn entry_of(index: &[usize]) -> String {
+    if index.is_empty() { String::new() } else { format!(" of {index:?}") }
+}
+
+/// Angle in degrees to a tenth; whole degrees without a decimal.
+fn tenth(angle: f64) -> String {
+    ((10.0 * angle).round() / 10.0).to_string()
 }
 
 fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
@@ -228,7 +310,6 @@ fn allowed(allowance: &Allowance) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline;
 
     #[test]
     fn places_are_said_in_degrees_and_nanometres() {
@@ -274,9 +355,9 @@ mod tests {
         let request = pipeline::Request::to(crate::compress::Target::Lossless);
         let measurement = pipeline::project(&source.acquisition, &request).unwrap().measurement;
         let material = Material::of(measurement).unwrap();
-        let answer = Answer::of(&material).unwrap();
-        assert!(serde_json::to_string(&answer).unwrap().contains("\"energy\":{"));
-        answer.sheet(&material).render("m.wlm")
+        let report = PhysicsReport::of(&material).unwrap();
+        assert!(serde_json::to_string(&report).unwrap().contains("\"energy\":{"));
+        sheet(&report, material.wavelengths().as_deref()).render("m.wlm")
     }
 
     #[test]

@@ -1,11 +1,36 @@
 //! Parsers of queries: directions in degrees, indices, wavelengths.
 
+use super::failure::Failure;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Direction, WavelengthGrid};
+use crate::evaluate::{Material, luminaire_direction};
 
 /// List that is the value of one command-line option. The option parser would take a bare `Vec` for a repeated option.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct List<T>(pub(crate) Vec<T>);
+
+/// Outgoing direction of a luminaire by its photometric angles.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub(crate) struct LuminaireArgs {
+    /// Azimuth C of the outgoing direction of a luminaire in degrees, counter-clockwise seen from above; with --gamma
+    /// instead of --wo (phi = C)
+    #[arg(long, value_name = "DEGREES", requires = "gamma", conflicts_with = "wo", allow_hyphen_values = true)]
+    c: Option<f64>,
+    /// Angle of the outgoing direction of a luminaire from straight down, 0 to 180 degrees; with --c instead of --wo
+    /// (theta = 180 - gamma)
+    #[arg(long, value_name = "DEGREES", requires = "c", conflicts_with = "wo", allow_hyphen_values = true)]
+    gamma: Option<f64>,
+}
+
+impl LuminaireArgs {
+    /// Returns the outgoing direction of a query: `wo`, or the one with the given C and gamma.
+    pub(crate) fn outgoing(self, wo: Option<Direction>, material: &Material) -> Result<Option<Direction>, Failure> {
+        match (self.c, self.gamma) {
+            (Some(c), Some(gamma)) => Ok(Some(luminaire_direction(material.quantity(), c, gamma)?)),
+            _ => Ok(wo),
+        }
+    }
+}
 
 /// Parses `THETA,PHI`, the polar angle and the azimuth of a direction in degrees.
 pub(crate) fn direction(text: &str) -> Result<Direction, String> {

@@ -27,8 +27,10 @@ enum Source {
 }
 
 impl Rows {
-    /// Opens the table in `path` (`-` is stdin) with the columns `names`; other columns of a CSV are ignored.
-    pub(crate) fn open(path: &Path, names: &'static [&'static str]) -> Result<Self, Failure> {
+    /// Opens the table in `path` (`-` is stdin) with the columns of the first list of `choices`, or of another one that
+    /// the header of a CSV names; other columns of a CSV are ignored.
+    pub(crate) fn open(path: &Path, choices: &[&'static [&'static str]]) -> Result<Self, Failure> {
+        let mut names = choices[0];
         let about = |failure: Failure| failure.about(path);
         let unread = |error: std::io::Error| Failure::failed(describe(&error)).about(path);
         let mut input: Box<dyn Read> = match path.to_str() {
@@ -48,10 +50,17 @@ impl Rows {
         } else {
             let mut lines: Box<dyn BufRead> = Box::new(BufReader::new(Cursor::new(head).chain(input)));
             let header = next_line(&mut lines).map_err(about)?;
-            let columns = columns(&header.unwrap_or_default(), names).map_err(Failure::failed).map_err(about)?;
+            let header = header.unwrap_or_default();
+            names = choices.iter().copied().find(|names| columns(&header, names).is_ok()).unwrap_or(names);
+            let columns = columns(&header, names).map_err(Failure::failed).map_err(about)?;
             Source::Text { lines, columns }
         };
         Ok(Self { path: path.to_owned(), names, source, read: 0 })
+    }
+
+    /// Returns the names of the columns that are read.
+    pub(crate) fn names(&self) -> &'static [&'static str] {
+        self.names
     }
 
     /// Reads up to `most` rows and appends one number for each wanted column to `numbers`. Returns the number of rows

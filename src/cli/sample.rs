@@ -6,8 +6,8 @@ use super::guard::Outputs;
 use super::opened::{Made, Opened};
 use super::output::print_json;
 use super::query::{self, List};
-use crate::domain::Direction;
 use crate::domain::limits::MAX_LEVEL;
+use crate::domain::{Direction, Quantity};
 use crate::numeric::random::half_open;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
@@ -52,13 +52,19 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Drawn directions `[theta, phi]` in degrees, their probability densities and their weights, as parallel arrays. Where
-/// nothing is emitted or reflected, the direction is null and the numbers are 0.
+/// Drawn directions `[theta, phi]` in degrees, of a luminaire also as `[C, gamma]`, their probability densities and
+/// their weights, as parallel arrays. Where nothing is emitted or reflected, the direction is null and the numbers are
+/// 0.
 #[derive(Default, serde::Serialize)]
 struct Answer {
     directions: Vec<Option<[f64; 2]>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    c_gamma: Option<Vec<Option<[f64; 2]>>>,
     pdf: Vec<f64>,
     weight: Vec<f64>,
+    /// True if the incoming direction lies beyond the measured angles.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    extrapolated: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     compressed_in_memory: Option<Made>,
 }
@@ -75,7 +81,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(table) = &args.directions {
         let names = ["theta_o", "phi_o", "pdf", "weight"].map(str::to_owned).to_vec();
         let queries = Queries::drawn(table, &material)?;
-        return args.batch.answer(queries, &names, |rows, out| {
+        return args.batch.answer(queries, &names, &material, |rows, out| {
             let mut drawn = vec![None; rows.len()];
             material.samples(index, rows.wi(), rows.points(), args.level, &mut drawn)?;
             for (out, drawn) in out.as_chunks_mut::<4>().0.iter_mut().zip(drawn) {
@@ -89,12 +95,21 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     args.batch.check_unused()?;
     let mut random = Pcg64Mcg::seed_from_u64(args.seed);
-    let mut answer = Answer { compressed_in_memory: made, ..Answer::default() };
+    let is_luminaire = material.quantity() == Quantity::Edf;
+    let mut answer = Answer {
+        c_gamma: is_luminaire.then(Vec::new),
+        extrapolated: material.is_extrapolated(args.wi, None),
+        compressed_in_memory: made,
+        ..Answer::default()
+    };
     for _ in 0..args.count.unwrap_or(0) {
         let u = [half_open(&mut random), half_open(&mut random)];
         let drawn = material.sample(index, args.wi, u, args.level);
         let drawn = drawn.map_err(|error| Failure::from(error).about(&args.material))?;
         answer.directions.push(drawn.map(|s| [s.direction.theta_degrees(), s.direction.phi_degrees()]));
+        if let Some(angles) = &mut answer.c_gamma {
+            angles.push(drawn.map(|s| s.direction.luminaire_degrees()));
+        }
         answer.pdf.push(drawn.map_or(0.0, |s| s.pdf));
         answer.weight.push(drawn.map_or(0.0, |s| s.weight));
     }

@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// File formats of a table of computed values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum TableFormat {
-    /// Text: a line of column names, then one line of numbers for each query; unknown values are nan.
+    /// Text: a line of column names, then one line of numbers for each query; unknown values are nan. The last column,
+    /// extrapolated, is 1 where a direction lies beyond the measured angles, else 0.
     Csv,
     /// NumPy array of float32 with one row for each query; unknown values are NaN.
     Npy,
@@ -54,8 +55,13 @@ enum Sink {
 
 impl Table {
     /// Starts a table with the columns `names` in the file `output`, or on stdout. Without a format, the extension of
-    /// the file decides.
-    pub(crate) fn new(output: Option<&Path>, format: Option<TableFormat>, names: &[String]) -> Result<Self, Failure> {
+    /// the file decides. A CSV has a further column, `flag`.
+    pub(crate) fn new(
+        output: Option<&Path>,
+        format: Option<TableFormat>,
+        names: &[String],
+        flag: &str,
+    ) -> Result<Self, Failure> {
         let format = TableFormat::of(output, format);
         let sink = match output {
             None if format == TableFormat::Npy => {
@@ -76,15 +82,20 @@ impl Table {
         };
         let path = output.unwrap_or(Path::new("stdout")).to_owned();
         let head = match format {
-            TableFormat::Csv => (names.join(",") + "\n").into_bytes(),
+            TableFormat::Csv => format!("{},{flag}\n", names.join(",")).into_bytes(),
             TableFormat::Npy => npy_header(&[0, names.len()]),
             TableFormat::F32 => Vec::new(),
         };
         Ok(Self { sink, path, format, width: names.len(), rows: 0, head: Some(head), text: String::new() })
     }
 
-    /// Appends rows to the table; `values` holds one row after the other.
-    pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), Failure> {
+    /// Returns true if the format has a column for flags.
+    pub(crate) fn has_flags(&self) -> bool {
+        self.format == TableFormat::Csv
+    }
+
+    /// Appends rows to the table; `values` holds one row after the other, `flags` one flag for each row.
+    pub(crate) fn write(&mut self, values: &[f32], flags: &[bool]) -> Result<(), Failure> {
         // The header is written with the first row: an early failure leaves stdout empty.
         if let Some(head) = self.head.take() {
             self.put(&head)?;
@@ -96,12 +107,11 @@ impl Table {
         }
         let mut text = std::mem::take(&mut self.text);
         text.clear();
-        for row in values.chunks_exact(self.width.max(1)) {
-            for (i, value) in row.iter().enumerate() {
-                let comma = if i == 0 { "" } else { "," };
-                let _ = if value.is_nan() { write!(text, "{comma}nan") } else { write!(text, "{comma}{value}") };
+        for (row, flag) in values.chunks_exact(self.width.max(1)).zip(flags) {
+            for value in row {
+                let _ = if value.is_nan() { write!(text, "nan,") } else { write!(text, "{value},") };
             }
-            text.push('\n');
+            let _ = writeln!(text, "{}", u8::from(*flag));
         }
         let done = self.put(text.as_bytes());
         self.text = text;
@@ -119,7 +129,7 @@ impl Table {
     /// Completes a table of computed values. If it goes to a file, an earlier file of that name is replaced only by
     /// this call.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
-        self.write(&[])?;
+        self.write(&[], &[])?;
         let Self { sink, path, format, width, rows, .. } = self;
         let ended = match sink {
             Sink::Stdout(mut out) => out.flush(),

@@ -402,7 +402,7 @@ fn past_the_last_incidence_light_is_held_and_said_to_be_extrapolated() {
                 // If a lobe is narrower than the cells, its height depends on their position.
                 assert!(between.is_default() || found < 1.6 * last, "{name} {theta}: {found} {last}, {between}");
             }
-            let is_extrapolated = |theta| material.is_extrapolated(Some(Direction::from_degrees(theta, 10.0)));
+            let is_extrapolated = |theta| material.is_extrapolated(Some(Direction::from_degrees(theta, 10.0)), None);
             assert!(is_extrapolated(80.1) && !is_extrapolated(80.0) && !is_extrapolated(0.0));
         }
     }

@@ -1,10 +1,10 @@
 //! The evaluation of records: the answers to a part of a batch.
 
 use super::super::problem::{Kind, Problem};
-use super::answers::Answers;
+use super::answers::{Answers, Values};
 use super::places::{Pair, Records};
 use super::question::Question;
-use crate::domain::Direction;
+use crate::domain::{Direction, Quantity};
 use crate::evaluate::{Directions, Material, Pairs};
 use crate::numeric::random::half_open;
 use rand_pcg::Pcg64Mcg;
@@ -23,9 +23,9 @@ pub(super) struct Answered {
 /// `first` is the zero-based number of its first query (of its line for NDJSON). Answers are bit-identical however a
 /// batch is cut into parts.
 pub(super) fn answer(question: &Question, material: &Material, records: &Records, first: u64) -> Answered {
-    let read = records.read(first);
+    let read = records.read(first, material.quantity());
     let pairs = &read.pairs;
-    let (answers, failed) = match question {
+    let (values, failed) = match question {
         Question::Evaluate { index, how, beyond, wavelengths } => {
             let width = question.width(material);
             let mut values = vec![0.0; pairs.len() * width];
@@ -43,7 +43,7 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
                 })
             });
             values.truncate(done.answers * width);
-            (Answers::Rows { values, width }, done.problem)
+            (Values::Rows { values, width }, done.problem)
         }
         Question::Albedo { index, how } => {
             let width = material.lambdas();
@@ -54,7 +54,7 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
                 Ok(material.albedo(index, pair.wi, *how, row)?)
             }));
             values.truncate(done.answers * width);
-            (Answers::Rows { values, width }, done.problem)
+            (Values::Rows { values, width }, done.problem)
         }
         Question::Pdf { index, level } => {
             let mut densities = vec![0.0; pairs.len()];
@@ -65,7 +65,7 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
                 Ok(material.pdfs(Pairs { index, wi, wo }, *level, &mut densities[range])?)
             });
             densities.truncate(done.answers);
-            (Answers::Densities(densities), done.problem)
+            (Values::Densities(densities), done.problem)
         }
         Question::Sample { index, level, seed } => {
             let points = points(*seed, &read.numbers);
@@ -75,9 +75,12 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
                 Ok(material.samples(index, wi, &points[range.clone()], *level, &mut samples[range])?)
             });
             samples.truncate(done.answers);
-            (Answers::Samples(samples), done.problem)
+            (Values::Samples(samples), done.problem)
         }
     };
+    let answered = &pairs[..values.len()];
+    let extrapolated = answered.iter().map(|pair| material.is_extrapolated(pair.wi, pair.wo)).collect();
+    let answers = Answers { values, extrapolated, is_luminaire: material.quantity() == Quantity::Edf };
     let failed = failed.map(|problem| match records.name(first, answers.len()).as_str() {
         "" => problem,
         name => problem.at(name),
@@ -173,9 +176,9 @@ fn points(seed: u64, numbers: &[u64]) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::super::media::Encoding;
-    use super::super::places::Places;
+    use super::super::places::{Outgoing, Places};
     use super::*;
-    use crate::domain::{Axis, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid};
+    use crate::domain::{Axis, Domain, Measurement, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid};
     use crate::evaluate::{Beyond, Interpolation, Place};
     use bytes::Bytes;
     use std::sync::Arc;
@@ -221,7 +224,7 @@ mod tests {
     fn listed(question: &Question, count: usize) -> Records {
         let side = |k: usize| Some((0..count).map(|i| angles(i)[k]).collect());
         let wo = if is_drawn(question) { None } else { side(1) };
-        Records::Listed(Arc::new(Places::of(side(0), wo, 1, count).unwrap()), 0..count)
+        Records::Listed(Arc::new(Places::of(side(0), wo.map(Outgoing::Polar), 1, count).unwrap()), 0..count)
     }
 
     fn cut(question: &Question, material: &Material, records: &Records, most: usize) -> (Answers, Option<Problem>) {
@@ -314,7 +317,7 @@ mod tests {
         for question in questions() {
             let Question::Evaluate { how, beyond, wavelengths, .. } = &question else { continue };
             let (answers, _) = cut(&question, &material, &listed(&question, COUNT), COUNT);
-            let Answers::Rows { values, width } = answers else { unreachable!("spectra are rows") };
+            let Values::Rows { values, width } = answers.values else { unreachable!("spectra are rows") };
             let mut one = vec![0.0; width];
             for (i, row) in values.chunks_exact(width).enumerate() {
                 let [wi, wo] = angles(i).map(|[theta, phi]| Some(Direction::from_degrees(theta, phi)));

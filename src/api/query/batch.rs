@@ -3,7 +3,7 @@
 use super::super::caller::client;
 use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
 use super::super::problem::{Kind, Problem};
-use super::super::schemas::{Angles, Binary, Lines, OneOrMoreAngles};
+use super::super::schemas::{Angles, Binary, Lines, LuminaireAngles, OneOrMoreAngles};
 use super::super::state::App;
 use super::answers::{AlbedosAnswer, EvaluateAnswer, PdfAnswer, SampleAnswer};
 use super::blocks::{Cutter, Source, cut_off};
@@ -13,7 +13,7 @@ use super::opened::open;
 use super::options::{
     AlbedoOptions, EvaluateOptions, PdfOptions, SampleOptions, check_wavelengths, indices, read, wavelengths,
 };
-use super::places::{Line, Places};
+use super::places::{Line, Outgoing, Places};
 use super::question::Question;
 use super::read_ahead::ReadAhead;
 use super::stream::{stream, whole};
@@ -39,6 +39,10 @@ struct EvaluateRequest {
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wo: Option<Vec<[f64; 2]>>,
+    /// Outgoing directions of a luminaire as `[C, gamma]`, instead of `wo`: theta = 180° − gamma, phi = C.
+    #[serde(default)]
+    #[schema(value_type = Option<Vec<LuminaireAngles>>)]
+    c_gamma: Option<Vec<[f64; 2]>>,
     /// Wavelengths of the spectra in nm. Default: the material's own.
     #[serde(default)]
     wavelengths: Option<Vec<f64>>,
@@ -62,9 +66,14 @@ struct PdfRequest {
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Outgoing directions whose sampling densities are evaluated.
-    #[schema(value_type = Vec<Angles>, min_items = 1)]
-    wo: Vec<[f64; 2]>,
+    /// Outgoing directions whose sampling densities are evaluated; needed unless there is `c_gamma`.
+    #[serde(default)]
+    #[schema(value_type = Option<Vec<Angles>>, min_items = 1)]
+    wo: Option<Vec<[f64; 2]>>,
+    /// Outgoing directions of a luminaire as `[C, gamma]`, instead of `wo`: theta = 180° − gamma, phi = C.
+    #[serde(default)]
+    #[schema(value_type = Option<Vec<LuminaireAngles>>, min_items = 1)]
+    c_gamma: Option<Vec<[f64; 2]>>,
     /// Subdivision level of the triangles from which directions are drawn; a lower one is coarser. Default: the
     /// material's own.
     #[serde(default)]
@@ -159,7 +168,10 @@ pub(super) async fn evaluate(
         }
         let (index, wavelengths) = (request.index, request.wavelengths);
         let (how, beyond) = (request.interpolation, request.beyond);
-        Ok((Question::Evaluate { index, how, beyond, wavelengths }, Places::of(request.wi, request.wo, 1, most)?))
+        Ok((
+            Question::Evaluate { index, how, beyond, wavelengths },
+            Places::of(request.wi, Outgoing::of(request.wo, request.c_gamma)?, 1, most)?,
+        ))
     };
     let plain = options == EvaluateOptions::default();
     let question = read(options.index.as_deref(), indices).and_then(|index| {
@@ -194,7 +206,11 @@ pub(super) async fn pdf(
     let parse: Parse = |bytes, most| {
         let request: PdfRequest = parse_json(bytes)?;
         let question = Question::Pdf { index: request.index, level: request.level };
-        Ok((question, Places::of(request.wi, Some(request.wo), 1, most)?))
+        let outgoing = Outgoing::of(request.wo, request.c_gamma)?;
+        if outgoing.is_none() {
+            return Err(Problem::invalid("missing field `wo`"));
+        }
+        Ok((question, Places::of(request.wi, outgoing, 1, most)?))
     };
     let plain = options == PdfOptions::default();
     let question = read(options.index.as_deref(), indices)

@@ -200,7 +200,7 @@ mod tests {
                 Err(problem) => return (pairs, Some(problem)),
             };
             assert!(block.records.count() <= most);
-            let read = block.records.read(block.first);
+            let read = block.records.read(block.first, crate::domain::Quantity::Brdf);
             pairs.extend(read.pairs);
             if read.problem.is_some() {
                 return (pairs, read.problem);

@@ -30,7 +30,7 @@ mod stream;
 
 pub(super) use one::compute;
 pub(super) use opened::open;
-pub(super) use options::{direction, indices, read};
+pub(super) use options::{direction, indices, outgoing, read};
 
 use super::state::Service;
 use utoipa_axum::router::OpenApiRouter;

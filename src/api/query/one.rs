@@ -6,7 +6,7 @@ use super::super::schemas::{DirectionText, IndexText, WavelengthsText};
 use super::super::state::App;
 use super::answers::{AlbedoAnswer, SpectrumAnswer};
 use super::opened::open;
-use super::options::{direction, indices, read, wavelengths};
+use super::options::{direction, indices, outgoing, read, wavelengths};
 use crate::evaluate::{Beyond, Interpolation, Place};
 use crate::store::Digest;
 use axum::http::{HeaderValue, header};
@@ -25,6 +25,12 @@ pub(super) struct SpectrumQuery {
     /// Outgoing direction `θ,φ` in degrees, for physical quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
+    /// Azimuth C of the outgoing direction of a luminaire in degrees, with `gamma` instead of `wo` (phi = C).
+    c: Option<f64>,
+    /// Angle of the outgoing direction of a luminaire from straight down in degrees, with `c` instead of `wo` (theta =
+    /// 180° − gamma).
+    #[param(minimum = 0, maximum = 180)]
+    gamma: Option<f64>,
     /// Wavelengths of the spectrum: `A,B,C` or `START:STOP:STEP` in nm. Default: the material's own.
     #[param(value_type = Option<WavelengthsText>)]
     wavelengths: Option<String>,
@@ -71,6 +77,7 @@ pub(super) async fn get_spectrum(
     let beyond = query.beyond.unwrap_or_default();
     let material = open(&app, id).await?;
     compute(&app, move || {
+        let wo = outgoing(wo, (query.c, query.gamma), &material)?;
         let place = Place { index: &index, wi, wo };
         let mut values = vec![0.0; wavelengths.as_ref().map_or_else(|| material.lambdas(), Vec::len)];
         match &wavelengths {
@@ -78,7 +85,7 @@ pub(super) async fn get_spectrum(
             None => material.evaluate(place, how, &mut values)?,
         }
         let wavelengths = wavelengths.or_else(|| material.wavelengths());
-        let extrapolated = material.is_extrapolated(wi);
+        let extrapolated = material.is_extrapolated(wi, wo);
         Ok(SpectrumAnswer { wavelengths, values, unit: material.unit(), extrapolated })
     })
     .await
@@ -99,7 +106,8 @@ pub(super) async fn get_albedo(app: App, Id(id): Id, Query(query): Query<AlbedoQ
     compute(&app, move || {
         let mut values = vec![0.0; material.lambdas()];
         material.albedo(&index, wi, how, &mut values)?;
-        Ok(AlbedoAnswer { wavelengths: material.wavelengths(), values })
+        let extrapolated = material.is_extrapolated(wi, None);
+        Ok(AlbedoAnswer { wavelengths: material.wavelengths(), values, extrapolated })
     })
     .await
 }

@@ -5,7 +5,7 @@ use super::super::schemas::{IndexText, WavelengthsText};
 use super::places::{Angles, check};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Direction, WavelengthGrid};
-use crate::evaluate::{Beyond, Interpolation};
+use crate::evaluate::{Beyond, Interpolation, Material, luminaire_direction};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
@@ -91,6 +91,19 @@ pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, Str
     let angles: Vec<f64> = numbers(text).ok_or_else(refused)?;
     let angles: Angles = angles.try_into().map_err(|_| refused())?;
     check(what, angles)
+}
+
+/// Returns the outgoing direction of a query: `wo`, or the one with the angles C and gamma of a luminaire.
+pub(in crate::api) fn outgoing(
+    wo: Option<Direction>,
+    angles: (Option<f64>, Option<f64>),
+    material: &Material,
+) -> Result<Option<Direction>, Problem> {
+    match (wo, angles) {
+        (wo, (None, None)) => Ok(wo),
+        (None, (Some(c), Some(gamma))) => Ok(Some(luminaire_direction(material.quantity(), c, gamma)?)),
+        _ => Err(Problem::new(Kind::BadQuery, "found a part of wo, c and gamma, expected wo, or c and gamma together")),
+    }
 }
 
 /// Parses wavelengths in nm, as `A,B,C` or `START:STOP:STEP`.

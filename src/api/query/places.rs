@@ -3,7 +3,8 @@
 use super::super::extract::parse_json;
 use super::super::problem::Problem;
 use super::super::schemas;
-use crate::domain::Direction;
+use crate::domain::{Direction, Quantity};
+use crate::evaluate::luminaire_direction;
 use bytes::Bytes;
 use serde::Deserialize;
 use std::ops::Range;
@@ -39,11 +40,43 @@ pub(super) struct Directions {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     wi: Option<Vec<Angles>>,
-    wo: Option<Vec<Angles>>,
+    wo: Option<Outgoing>,
     /// Number of pairs of directions in the batch.
     count: usize,
     /// Number of answers wanted for each pair of directions, such as random directions; each counts as a query.
     each: usize,
+}
+
+/// List of outgoing directions in degrees.
+#[derive(Clone, Debug)]
+pub(super) enum Outgoing {
+    /// Polar angle and azimuth, `[theta, phi]`.
+    Polar(Vec<Angles>),
+    /// Photometric angles of a luminaire, `[C, gamma]`.
+    Luminaire(Vec<Angles>),
+}
+
+impl Outgoing {
+    /// Returns the list that a request states under one of its two names; `None` if it states none.
+    pub(super) fn of(wo: Option<Vec<Angles>>, c_gamma: Option<Vec<Angles>>) -> Result<Option<Self>, Problem> {
+        match (wo, c_gamma) {
+            (Some(_), Some(_)) => Err(Problem::invalid("found both wo and c_gamma, expected one of them")),
+            (wo, c_gamma) => Ok(wo.map(Self::Polar).or(c_gamma.map(Self::Luminaire))),
+        }
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Polar(list) | Self::Luminaire(list) => list.len(),
+        }
+    }
+
+    fn at(&self, i: usize, quantity: Quantity) -> Result<Direction, Problem> {
+        match self {
+            Self::Polar(list) => check("wo", list[i]).map_err(Problem::invalid),
+            Self::Luminaire(list) => Ok(luminaire_direction(quantity, list[i][0], list[i][1])?),
+        }
+    }
 }
 
 /// Some queries of a batch, in the encoding in which they arrived.
@@ -72,6 +105,10 @@ pub(super) struct Line {
     #[serde(default)]
     #[schema(value_type = Option<schemas::Angles>)]
     wo: Option<[f64; 2]>,
+    /// Outgoing direction of a luminaire as `[C, gamma]` in degrees, instead of `wo`: theta = 180° − gamma, phi = C.
+    #[serde(default)]
+    #[schema(value_type = Option<schemas::LuminaireAngles>)]
+    c_gamma: Option<[f64; 2]>,
 }
 
 impl Directions {
@@ -84,13 +121,8 @@ impl Directions {
 impl Places {
     /// Pairs two lists of directions of equal length, or a list with a single direction. Each pair gets `each` answers;
     /// `most` bounds the total number of answers.
-    pub(super) fn of(
-        wi: Option<Vec<Angles>>,
-        wo: Option<Vec<Angles>>,
-        each: usize,
-        most: usize,
-    ) -> Result<Self, Problem> {
-        let count = match (wi.as_ref().map(Vec::len), wo.as_ref().map(Vec::len)) {
+    pub(super) fn of(wi: Option<Vec<Angles>>, wo: Option<Outgoing>, each: usize, most: usize) -> Result<Self, Problem> {
+        let count = match (wi.as_ref().map(Vec::len), wo.as_ref().map(Outgoing::len)) {
             (None, None) => 1,
             (Some(n), None) | (None, Some(n)) => n,
             (Some(a), Some(b)) if a == b || b == 1 => a,
@@ -116,14 +148,15 @@ impl Places {
         self.count * self.each
     }
 
-    fn pair(&self, answer: usize) -> Result<Pair, Problem> {
-        let i = answer / self.each;
-        let at = |what, list: Option<&Vec<Angles>>| {
-            let angles = list.map(|list| list[if list.len() == 1 { 0 } else { i }]);
-            angles.map(|angles| check(what, angles)).transpose()
-        };
-        let pair = at("wi", self.wi.as_ref()).and_then(|wi| Ok(Pair { wi, wo: at("wo", self.wo.as_ref())? }));
-        pair.map_err(|detail| Problem::invalid(self.place(answer) + &detail))
+    fn pair(&self, answer: usize, quantity: Quantity) -> Result<Pair, Problem> {
+        let number = |count: usize| if count == 1 { 0 } else { answer / self.each };
+        let wi = self.wi.as_ref().map(|list| check("wi", list[number(list.len())]).map_err(Problem::invalid));
+        let wo = self.wo.as_ref().map(|list| list.at(number(list.len()), quantity));
+        let pair = wi.transpose().and_then(|wi| Ok(Pair { wi, wo: wo.transpose()? }));
+        pair.map_err(|problem| match self.place(answer).as_str() {
+            "" => problem,
+            place => problem.at(place.trim_end_matches(": ")),
+        })
     }
 
     /// Returns the prefix of an error text that names the pair of directions of an answer.
@@ -185,8 +218,8 @@ impl Records {
     }
 
     /// Parses the pairs of directions up to the first invalid query. `first` is the zero-based number of the first
-    /// query in the batch.
-    pub(super) fn read(&self, first: u64) -> Read {
+    /// query in the batch; `quantity` that of the material.
+    pub(super) fn read(&self, first: u64, quantity: Quantity) -> Read {
         let (mut pairs, mut numbers) = (Vec::new(), Vec::new());
         let mut problem = None;
         let mut take = |number: u64, pair: Result<Option<Pair>, Problem>| match pair {
@@ -202,7 +235,10 @@ impl Records {
         };
         match self {
             Self::Listed(places, range) => {
-                let _ = range.clone().zip(first..).all(|(answer, number)| take(number, places.pair(answer).map(Some)));
+                let _ = range
+                    .clone()
+                    .zip(first..)
+                    .all(|(answer, number)| take(number, places.pair(answer, quantity).map(Some)));
             }
             Self::Floats(directions, bytes) => {
                 let records = bytes.chunks_exact(directions.bytes());
@@ -214,7 +250,7 @@ impl Records {
             Self::Lines(bytes) => {
                 let lines = bytes.split(|byte| *byte == b'\n');
                 let _ = lines.zip(first..).all(|(text, number)| {
-                    take(number, line(text).map_err(|problem| problem.at(&format!("line {}", number + 1))))
+                    take(number, line(text, quantity).map_err(|problem| problem.at(&format!("line {}", number + 1))))
                 });
             }
         }
@@ -258,14 +294,16 @@ fn floats(directions: Directions, record: &[u8]) -> Result<Pair, Problem> {
 }
 
 /// Parses one NDJSON line into a pair of directions; `None` if the line is blank.
-fn line(text: &[u8]) -> Result<Option<Pair>, Problem> {
+fn line(text: &[u8], quantity: Quantity) -> Result<Option<Pair>, Problem> {
     if text.trim_ascii().is_empty() {
         return Ok(None);
     }
     let line: Line = parse_json(text)?;
     let at =
         |what, angles: Option<Angles>| angles.map(|angles| check(what, angles)).transpose().map_err(Problem::invalid);
-    Ok(Some(Pair { wi: at("wi", line.wi)?, wo: at("wo", line.wo)? }))
+    let outgoing = Outgoing::of(line.wo.map(|wo| vec![wo]), line.c_gamma.map(|angles| vec![angles]))?;
+    let wo = outgoing.map(|outgoing| outgoing.at(0, quantity)).transpose()?;
+    Ok(Some(Pair { wi: at("wi", line.wi)?, wo }))
 }
 
 #[cfg(test)]
@@ -279,7 +317,7 @@ mod tests {
     }
 
     fn pairs(records: &Records, first: u64) -> Vec<Pair> {
-        let read = records.read(first);
+        let read = records.read(first, Quantity::Edf);
         assert!(read.problem.is_none(), "{:?}", read.problem);
         read.pairs
     }
@@ -287,7 +325,9 @@ mod tests {
     #[test]
     fn lists_of_directions_pair_up() {
         let (two, three) = (vec![[0.0, 0.0], [30.0, 90.0]], vec![[0.0, 0.0]; 3]);
-        let count = |wi, wo, each| Places::of(wi, wo, each, 9).map(|places| places.len());
+        let count = |wi, wo: Option<Vec<Angles>>, each| {
+            Places::of(wi, wo.map(Outgoing::Polar), each, 9).map(|places| places.len())
+        };
         assert_eq!(count(Some(two.clone()), Some(two.clone()), 1).unwrap(), 2);
         assert_eq!(count(Some(two[..1].to_vec()), Some(three.clone()), 3).unwrap(), 9);
         assert_eq!(count(None, None, 1).unwrap(), 1);
@@ -302,12 +342,15 @@ mod tests {
     fn the_three_forms_say_the_same() {
         let (wi, wo) = (vec![[30.0, 90.0], [10.0, 0.5]], vec![[20.0, 1.0], [40.0, -3.0]]);
         let text = b"{\"wi\":[30,90],\"wo\":[20,1]}\n\r\n{\"wo\":[40,-3],\"wi\":[10,0.5]}";
-        let listed = Records::Listed(Arc::new(Places::of(Some(wi), Some(wo), 1, 9).unwrap()), 0..2);
+        let listed = Records::Listed(Arc::new(Places::of(Some(wi), Some(Outgoing::Polar(wo)), 1, 9).unwrap()), 0..2);
         let floats = Records::Floats(BOTH, packed(&[30.0, 90.0, 20.0, 1.0, 10.0, 0.5, 40.0, -3.0]));
         let lines = Records::Lines(Bytes::from_static(text));
         assert_eq!(pairs(&listed, 0), pairs(&floats, 0));
         assert_eq!(pairs(&listed, 0), pairs(&lines, 7));
-        assert_eq!([&listed, &floats, &lines].map(|records| records.read(7).numbers), [[7, 8], [7, 8], [7, 9]]);
+        assert_eq!(
+            [&listed, &floats, &lines].map(|records| records.read(7, Quantity::Edf).numbers),
+            [[7, 8], [7, 8], [7, 9]]
+        );
         assert_eq!(
             (listed.name(0, 1), floats.name(5, 1), lines.name(7, 1)),
             ("pair 2".into(), "record 7".into(), "line 10".into())
@@ -322,15 +365,31 @@ mod tests {
     #[test]
     fn what_is_wrong_is_told_with_its_number_behind_what_is_right() {
         let text = b"{\"wo\":[20,1]}\n\n{\"wo\":[200,1]}\n{\"wo\":[20,1]}\n";
-        let read = Records::Lines(Bytes::from_static(text)).read(10);
+        let read = Records::Lines(Bytes::from_static(text)).read(10, Quantity::Edf);
         assert_eq!(read.pairs.len(), 1);
         assert!(read.problem.unwrap().body().detail.starts_with("line 13: wo: found [200, 1]"));
         for bad in ["[[1,2],[3,4]]", "{\"wx\":[1,2]}", "{", "7", "{\"wi\":[1]}"] {
-            let read = Records::Lines(Bytes::copy_from_slice(bad.as_bytes())).read(0);
+            let read = Records::Lines(Bytes::copy_from_slice(bad.as_bytes())).read(0, Quantity::Edf);
             assert!(read.problem.unwrap().body().detail.starts_with("line 1: "), "{bad}");
         }
         let nan = packed(&[1.0, 1.0, 1.0, 1.0, f32::NAN, 0.0, 1.0, 1.0]);
-        let read = Records::Floats(BOTH, nan).read(0);
+        let read = Records::Floats(BOTH, nan).read(0, Quantity::Edf);
         assert!(read.problem.unwrap().body().detail.starts_with("record 2: wi: found [NaN, 0]"));
+    }
+
+    #[test]
+    fn luminaires_are_asked_by_c_and_gamma() {
+        let asked = b"{\"c_gamma\":[90,30]}\n{\"wo\":[150,90]}\n{\"c_gamma\":[90,30],\"wo\":[150,90]}\n";
+        let lines = Records::Lines(Bytes::from_static(asked));
+        let read = lines.read(0, Quantity::Edf);
+        let at = |pair: &Pair| pair.wo.unwrap().xyz();
+        assert!(at(&read.pairs[0]).iter().zip(at(&read.pairs[1])).all(|(a, b)| (a - b).abs() < 1e-15));
+        assert!(read.problem.unwrap().body().detail.starts_with("line 3: found both wo and c_gamma"));
+        let refused = lines.read(0, Quantity::Brdf).problem.unwrap().body().detail;
+        assert!(refused.starts_with("line 1: C and gamma are angles of a luminaire, but this is a brdf"), "{refused}");
+        let list = Places::of(None, Outgoing::of(None, Some(vec![[0.0, 0.0], [0.0, 181.0]])).unwrap(), 1, 9).unwrap();
+        let listed = Records::Listed(Arc::new(list), 0..2).read(0, Quantity::Edf);
+        assert_eq!(listed.pairs.len(), 1);
+        assert!(listed.problem.unwrap().body().detail.starts_with("pair 2: found C 0 and gamma 181"));
     }
 }

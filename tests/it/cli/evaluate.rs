@@ -34,6 +34,62 @@ fn a_lamp_needs_no_incoming_direction() {
 }
 
 #[test]
+fn luminaires_are_asked_by_c_and_gamma() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = at(&dir, "lamp.wlm");
+    done(&["compress", &data("aerolamp.ies"), "-o", &out]);
+    let found = json(&["evaluate", &out, "--c", "-20", "--gamma", "35.5"]);
+    assert_eq!(found, json(&["evaluate", &out, "--wo", "144.5,-20"]));
+    let drawn = json(&["sample", &out, "-n", "20"]);
+    let directions = drawn["directions"].as_array().unwrap().iter().zip(drawn["c_gamma"].as_array().unwrap());
+    for (direction, angles) in directions {
+        let [theta, phi] = [0, 1].map(|i| direction[i].as_f64().unwrap());
+        let [c, gamma] = [0, 1].map(|i| angles[i].as_f64().unwrap());
+        assert!((180.0 - theta - gamma).abs() < 1e-9 && (phi - c).abs() < 1e-9, "{direction} {angles}");
+    }
+    assert!(refused(2, &["evaluate", &out, "--c", "0", "--gamma", "190"]).contains("gamma from 0"));
+    for wrong in [&["--c", "0"][..], &["--gamma", "0"], &["--c", "0", "--gamma", "0", "--wo", "0,0"]] {
+        refused(2, &[&["evaluate", &out], wrong].concat());
+    }
+    let dir = workshop();
+    let surface = material(&dir);
+    let refusal = refused(2, &["evaluate", &surface, "--wi", "0,0", "--c", "0", "--gamma", "0"]);
+    assert!(refusal.contains("C and gamma are angles of a luminaire, but this is a brdf"), "{refusal}");
+    assert!(json(&["sample", &surface, "--wi", "0,0", "-n", "1"]).get("c_gamma").is_none());
+}
+
+#[test]
+fn answers_beyond_the_measured_angles_say_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let (table, out) = (at(&dir, "brdf.csv"), at(&dir, "brdf.wlm"));
+    let mut text = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n\
+                    # angle_unit: deg\n# isotropic: true\n# phi_o_extent: mirrored\n# theta_o_covers: 0 90\n\
+                    theta_i,theta_o,phi_o,value\n"
+        .to_owned();
+    for (incoming, outgoing, azimuth) in [0, 30, 60].iter().flat_map(|i| {
+        let azimuths = |o: &'static i32| [0, 90, 180].iter().map(move |a| (*i, *o, *a));
+        [0, 20, 40, 60].iter().flat_map(azimuths)
+    }) {
+        text += &format!("{incoming},{outgoing},{azimuth},0.2\n");
+    }
+    std::fs::write(&table, text).unwrap();
+    done(&["compress", &table, "-o", &out]);
+    let is_extrapolated =
+        |wi: &str, wo: &str| json(&["evaluate", &out, "--wi", wi, "--wo", wo]).get("extrapolated").is_some();
+    assert!(!is_extrapolated("60,0", "60,0") && is_extrapolated("61,0", "20,0") && is_extrapolated("0,0", "60.5,0"));
+    let rows = b"theta_i,phi_i,theta_o,phi_o\n60,0,60,0\n61,0,20,0\n0,0,75,40\n";
+    let shown = String::from_utf8(piped(&["evaluate", &out, "--directions", "-"], rows)).unwrap();
+    let flags: Vec<&str> = shown.lines().map(|line| line.rsplit(',').next().unwrap()).collect();
+    assert_eq!(flags, ["extrapolated", "0", "1", "1"]);
+    let pairs = at(&dir, "pairs.csv");
+    std::fs::write(&pairs, rows).unwrap();
+    let output = super::wavelume(&["evaluate", &out, "--directions", &pairs, "-o", &at(&dir, "out.npy")]);
+    let warning = String::from_utf8(output.stderr).unwrap();
+    assert!(warning.contains("2 of 3 queries lie beyond the measured angles"), "{warning}");
+    assert_eq!(json(&["sample", &out, "--wi", "70,0", "-n", "1"])["extrapolated"], true);
+}
+
+#[test]
 fn a_lamp_is_interpolated_as_its_file_says() {
     let dir = tempfile::tempdir().unwrap();
     let [cubic, linear] = ["cubic", "linear"].map(|curve| {
@@ -162,7 +218,7 @@ fn a_table_of_directions_gets_a_row_each() {
     let single = json(&["evaluate", &made, "--wi", "30,40", "--wo", "20,-170"]);
     let shown = done(&["evaluate", &made, "--directions", &table]);
     let lines: Vec<&str> = shown.lines().collect();
-    assert_eq!((lines.len(), lines[0]), (3, "v400,v450,v500,v550,v600"));
+    assert_eq!((lines.len(), lines[0]), (3, "v400,v450,v500,v550,v600,extrapolated"));
     let first: Vec<f64> = lines[1].split(',').map(|number| number.parse().unwrap()).collect();
     for (found, wanted) in first.iter().zip(single["values"].as_array().unwrap()) {
         assert!((found / wanted.as_f64().unwrap() - 1.0).abs() < 1e-5, "{shown}");
@@ -179,7 +235,7 @@ fn a_table_of_directions_gets_a_row_each() {
     let packed: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
     assert_eq!(bare, packed);
     let chosen = piped(&["evaluate", &made, "--directions", "-", "--wavelengths", "425,600"], text.as_bytes());
-    assert!(chosen.starts_with(b"v425,v600\n"));
+    assert!(chosen.starts_with(b"v425,v600,extrapolated\n"));
 
     // More rows than a block has.
     let many: Vec<f32> = (0..40_000).flat_map(|i| [30.0, 40.0, (i % 90) as f32, 5.0]).collect();
@@ -218,7 +274,7 @@ fn a_table_of_points_draws_a_direction_each() {
     std::fs::write(&table, "theta_i,phi_i,u1,u2\n30,40,0.25,0.75\n30,40,0.5,0.125\n").unwrap();
     let shown = done(&["sample", &made, "--directions", &table]);
     let lines: Vec<&str> = shown.lines().collect();
-    assert_eq!((lines.len(), lines[0]), (3, "theta_o,phi_o,pdf,weight"));
+    assert_eq!((lines.len(), lines[0]), (3, "theta_o,phi_o,pdf,weight,extrapolated"));
     let numbers: Vec<f64> = lines[1].split(',').map(|number| number.parse().unwrap()).collect();
     assert!((0.0..=90.0).contains(&numbers[0]) && numbers[2] > 0.0 && numbers[3] > 0.0, "{shown}");
     std::fs::write(&table, "theta_i,phi_i,u1,u2\n30,40,0.25,1\n").unwrap();
@@ -230,5 +286,9 @@ fn a_table_of_points_draws_a_direction_each() {
     let drawn = piped(&["sample", &lamp, "--directions", "-"], b"u1,u2\n0.1,0.9\n");
     assert_eq!(String::from_utf8(drawn).unwrap().lines().count(), 2);
     let found = piped(&["evaluate", &lamp, "--directions", "-"], b"theta_o,phi_o\n180,0\n91,45\n");
-    assert!(found.starts_with(b"value\n"));
+    assert!(found.starts_with(b"value,extrapolated\n"));
+    // Photometric angles name these places, too.
+    let asked = piped(&["evaluate", &lamp, "--directions", "-"], b"c,gamma\n0,0\n45,89\n");
+    assert_eq!(asked, found);
+    assert!(refused(1, &["evaluate", &made, "--directions", &table]).contains("has no column theta_o"));
 }

@@ -14,6 +14,7 @@ mod scans;
 mod service;
 mod settings;
 mod tls;
+mod trade;
 mod views;
 
 pub(crate) use partly::{diffuser, in_plane_scan};

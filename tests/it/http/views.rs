@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use wavelume::store::Digest;
 
 const FUNCTIONS: &[u8] = include_bytes!("../../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
+const PANEL: &[u8] = include_bytes!("../../fixtures/ldt/example.ldt");
 const VELVET: &[u8] = include_bytes!("../../../data/virtual/velvet.json");
 
 /// Compresses a measurement without loss; returns the id of the material.
@@ -127,5 +128,45 @@ async fn pictures_are_immutable_and_have_conditions() {
     let absent = Digest::of(b"absent");
     let unknown = service.get(&format!("/v1/materials/{absent}/preview.png")).header("if-none-match", "*");
     problem(unknown, 404, "not-found").await;
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_figures_of_the_trade_are_those_of_the_command_line() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let lamp = stored(&service, "", PANEL).await;
+    let path = format!("/v1/materials/{lamp}");
+    let report = json_of(&service, &format!("{path}/physics")).await;
+    let figures = &report["luminaire"][0];
+    assert!((figures["flux"].as_f64().unwrap() / 5136.1 - 1.0).abs() < 0.01, "{report}");
+    assert_eq!((figures["watts"].as_f64(), figures["planes"][1]["plane"].as_str()), (Some(60.22), Some("C90-C270")));
+    assert_eq!((&report["reciprocity"], report["surface"].as_array().unwrap().len()), (&Value::Null, 0));
+    let peak = &figures["peak"];
+    let [c, gamma] = ["c", "gamma"].map(|angle| peak[angle].as_f64().unwrap());
+    let asked = json_of(&service, &format!("{path}/spectrum?c={c}&gamma={gamma}")).await;
+    assert!((asked["values"][0].as_f64().unwrap() / peak["value"].as_f64().unwrap() - 1.0).abs() < 0.02, "{asked}");
+    let same = json_of(&service, &format!("{path}/spectrum?wo={},{c}", 180.0 - gamma)).await;
+    assert!((same["values"][0].as_f64().unwrap() / asked["values"][0].as_f64().unwrap() - 1.0).abs() < 1e-5, "{same}");
+    for bad in ["c=0", "gamma=0", "c=0&gamma=0&wo=0,0", "c=x&gamma=0"] {
+        problem(service.get(&format!("{path}/spectrum?{bad}")), 400, "bad-query").await;
+    }
+    problem(service.get(&format!("{path}/spectrum?c=0&gamma=181")), 422, "unfit-query").await;
+    let batch = json!({ "c_gamma": [[c, gamma], [0, 0]] });
+    let answer: Value =
+        service.post(&format!("{path}/evaluate")).json(&batch).send().await.unwrap().json().await.unwrap();
+    assert_eq!(answer["extrapolated"], json!([false, false]));
+    assert!((answer["values"][0][0].as_f64().unwrap() / asked["values"][0].as_f64().unwrap() - 1.0).abs() < 1e-4);
+    let drawn = service.post(&format!("{path}/sample")).json(&json!({ "count": 3 }));
+    let drawn: Value = drawn.send().await.unwrap().json().await.unwrap();
+    for (direction, angles) in drawn["directions"].as_array().unwrap().iter().zip(drawn["c_gamma"].as_array().unwrap())
+    {
+        let [theta, gamma] = [&direction[0], &angles[1]].map(|angle| angle.as_f64().unwrap());
+        assert!((theta + gamma - 180.0).abs() < 1e-9, "{drawn}");
+    }
+    let surface = service.brdf().await;
+    let refusal = service.post(&format!("/v1/materials/{surface}/evaluate"));
+    let refusal = problem(refusal.json(&json!({ "wi": [[0, 0]], "c_gamma": [[0, 0]] })), 422, "unfit-query").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("angles of a luminaire"), "{refusal}");
     service.stop().await;
 }

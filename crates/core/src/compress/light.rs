@@ -260,25 +260,45 @@ pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     }
 }
 
+/// Zone of a grid that leaves out none of its polar angles.
+pub(crate) const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+
 /// Solid angle that each measured direction of a grid represents, weighted by |cos θ| for surfaces.
 pub(crate) fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
-    let (polar, around) = (polar_weights(quantity, grid), azimuth_weights(grid));
+    weights_of_zone(quantity, grid, EVERYWHERE)
+}
+
+/// Solid angle that each measured direction of a grid represents between two polar angles in degrees, `within`,
+/// weighted by |cos θ| for surfaces. The weights of adjoining zones add up to those of [`weights_of_angles`].
+pub(crate) fn weights_of_zone(quantity: Quantity, grid: &DirectionGrid, within: (f64, f64)) -> Vec<f64> {
+    let (polar, around) = (polar_weights(quantity, grid, within), azimuth_weights(grid));
     polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect()
 }
 
-/// Integration weights of the polar angles of a grid: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, with f linear between the
-/// angles and constant beyond the ends.
-pub(crate) fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
+/// Integration weights of the polar angles of a grid: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, over the polar angles
+/// `within` (degrees), with f linear between the grid's angles and constant beyond the ends.
+pub(crate) fn polar_weights(quantity: Quantity, grid: &DirectionGrid, within: (f64, f64)) -> Vec<f64> {
     let from_pole = if matches!(grid.frame(), Frame::TypeA | Frame::TypeB) { 90.0 } else { 0.0 };
     let angles: Vec<f64> = grid.polar().iter().map(|angle| (angle + from_pole).to_radians()).collect();
     let (low, high) = grid.covers();
     let [low, high] = [low, high].map(|angle| (angle + from_pole).to_radians());
+    let [from, to] = [within.0, within.1].map(|angle| (angle + from_pole).to_radians());
+    // Weights of the values at `a` and `b` in the part of the zone between them that is integrated.
+    let part = |a: f64, b: f64| {
+        let (first, last) = (a.max(from), b.min(to));
+        if last <= first {
+            return [0.0, 0.0];
+        }
+        let [near, far] = zone(quantity, first, last);
+        let [start, end] = [first, last].map(|at| (at - a) / (b - a));
+        [near * (1.0 - start) + far * (1.0 - end), near * start + far * end]
+    };
     let mut weights = vec![0.0; angles.len()];
     let last = angles.len() - 1;
-    weights[0] += zone(quantity, low, angles[0]).iter().sum::<f64>();
-    weights[last] += zone(quantity, angles[last], high).iter().sum::<f64>();
+    weights[0] += part(low, angles[0]).iter().sum::<f64>();
+    weights[last] += part(angles[last], high).iter().sum::<f64>();
     for k in 0..last {
-        let [near, far] = zone(quantity, angles[k], angles[k + 1]);
+        let [near, far] = part(angles[k], angles[k + 1]);
         weights[k] += near;
         weights[k + 1] += far;
     }
@@ -401,5 +421,22 @@ mod tests {
             let found = light.sums(&vec![1.0; grid.len()])[0];
             assert!((found / expected - 1.0).abs() < 1e-12, "{} {found} {expected}", grid.describe());
         }
+    }
+
+    #[test]
+    fn zones_add_up_to_the_sphere() {
+        let azimuths = Some(Azimuths { angles: vec![0.0, 45.0, 90.0], extent: AzimuthExtent::Quadrant });
+        let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 7.5, 50.0, 95.0, 160.0], azimuths).unwrap();
+        let grid = grid.covering(0.0, 180.0).unwrap();
+        let whole = weights_of_angles(Quantity::Edf, &grid);
+        let borders = [0.0, 30.0, 40.0, 60.0, 90.0, 120.0, 180.0];
+        let mut sums = vec![0.0; grid.len()];
+        for [low, high] in borders.array_windows() {
+            let zone = weights_of_zone(Quantity::Edf, &grid, (*low, *high));
+            sums.iter_mut().zip(&zone).for_each(|(sum, weight)| *sum += weight);
+            let solid_angle = 2.0 * std::f64::consts::PI * (low.to_radians().cos() - high.to_radians().cos());
+            assert!((zone.iter().sum::<f64>() / solid_angle - 1.0).abs() < 1e-12, "{low} {high}");
+        }
+        assert!(sums.iter().zip(&whole).all(|(sum, whole)| (sum - whole).abs() < 1e-12), "{sums:?} {whole:?}");
     }
 }

@@ -67,7 +67,7 @@ pub use effort::Effort;
 pub use error::CompressError;
 pub(crate) use kept::Kept;
 pub use light::LightReport;
-pub(crate) use light::{polar_weights, weights, weights_of_angles};
+pub(crate) use light::{EVERYWHERE, polar_weights, weights, weights_of_angles, weights_of_zone};
 pub(crate) use lobe_chunk::fits as lobe_fits;
 pub(crate) use lobe_means::lobe_means;
 pub use lossless::Numbers;

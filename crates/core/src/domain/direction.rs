@@ -46,6 +46,13 @@ impl Direction {
         Self::from_degrees(180.0 - gamma, c)
     }
 
+    /// Returns the photometric angles C (0..360) and gamma (0..=180) of the direction of a luminaire in degrees, the
+    /// inverse of [`Direction::from_luminaire_degrees`].
+    pub fn luminaire_degrees(self) -> [f64; 2] {
+        let [x, y, z] = self.0;
+        [self.phi_degrees(), Self([x, y, -z]).theta_degrees()]
+    }
+
     /// Creates a direction from a vector that already has unit length, which is not checked.
     #[inline]
     pub fn from_unit(v: Vector) -> Self {
@@ -132,6 +139,10 @@ mod tests {
     fn luminaire_nadir_points_down_and_c0_along_x() {
         assert_eq!(Direction::from_luminaire_degrees(0.0, 0.0).xyz(), [0.0, 0.0, -1.0]);
         assert_eq!(Direction::from_luminaire_degrees(90.0, 90.0).xyz(), [0.0, 1.0, 0.0]);
+        for (c, gamma) in [(0.0, 0.0), (270.0, 30.0), (12.5, 179.0), (90.0, 90.0)] {
+            let [found_c, found_gamma] = Direction::from_luminaire_degrees(c, gamma).luminaire_degrees();
+            assert!((found_c - c).abs() < 1e-9 && (found_gamma - gamma).abs() < 1e-9, "{found_c} {found_gamma}");
+        }
     }
 
     #[test]

@@ -128,7 +128,7 @@ fn table(measurement: &Measurement, mesh: TriangleMesh, lambdas: usize, leaves: 
 
 /// Writes the sums of `samples` `[outgoing, wavelength]` times `measures`, one for each outgoing direction, to `out`. A
 /// sum is NaN if all its samples are masked.
-fn write_integrals(samples: &[f32], measures: &[f64], out: &mut [f32]) {
+pub(super) fn write_integrals(samples: &[f32], measures: &[f64], out: &mut [f32]) {
     let mut sums = vec![(0.0_f64, false); out.len()];
     for (spectrum, measure) in samples.chunks_exact(out.len()).zip(measures) {
         for ((sum, measured), &sample) in sums.iter_mut().zip(spectrum) {

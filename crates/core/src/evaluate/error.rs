@@ -192,6 +192,20 @@ pub enum QueryError {
         /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
+    /// The angles C and gamma are given for a quantity other than an emission.
+    #[error("C and gamma are angles of a luminaire, but this is a {quantity}: give the direction as theta and phi")]
+    NoLuminaire {
+        /// Radiometric quantity of the material, such as `brdf`.
+        quantity: Quantity,
+    },
+    /// The angles C and gamma are no direction.
+    #[error("found C {c} and gamma {gamma}, expected degrees with gamma from 0 (straight down) to 180")]
+    LuminaireAngles {
+        /// Azimuth C in degrees.
+        c: f64,
+        /// Angle gamma from straight down in degrees.
+        gamma: f64,
+    },
     /// A reflectance is requested of a quantity other than a BRDF, BTDF or BSDF.
     #[error("this {quantity} has no reflectance, expected a brdf, btdf or bsdf")]
     NoReflectance {

@@ -316,6 +316,27 @@ impl Geometry {
         last.is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
     }
 
+    /// Returns true if `direction` is nearer to the normal than the first measured polar angle of incidence.
+    pub(super) fn is_before_first(&self, direction: Direction) -> bool {
+        let first = match self.layout.incoming.map(|axis| &self.axes[axis]) {
+            Some(Axis::Elevation(angles)) => angles.first(),
+            Some(Axis::Grid(grid)) => grid.polar().first(),
+            _ => None,
+        };
+        first.is_some_and(|&first| direction.theta_degrees() < first - ROUNDING)
+    }
+
+    /// Returns true if the outgoing `direction` is beyond the first or last polar angle at which a grid was measured,
+    /// where the grid continues the value of that angle.
+    pub(super) fn is_beyond_measured(&self, direction: Direction) -> bool {
+        let Some(grid) = &self.outgoing_grid else { return false };
+        let [polar, _] = grid.frame().angles(direction);
+        let (first, last) = (grid.polar()[0], grid.polar()[grid.polar().len() - 1]);
+        // Mirrored latitudes meet at the equator.
+        let (first, polar) = if grid.is_polar_mirrored() { (0.0, polar.abs()) } else { (first, polar) };
+        (polar < first - ROUNDING || polar > last + ROUNDING) && grid.angles(direction).is_some()
+    }
+
     /// Returns true if `direction` is inside the domain of the outgoing axis.
     #[inline]
     pub(super) fn sends(&self, direction: Direction) -> bool {

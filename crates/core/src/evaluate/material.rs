@@ -241,10 +241,20 @@ impl Material {
         self.geometry().grid().map(WavelengthGrid::values)
     }
 
-    /// Returns true if an incoming direction is further from the normal than the last measured elevation. Values there
-    /// are extrapolated from that elevation.
-    pub fn is_extrapolated(&self, wi: Option<Direction>) -> bool {
+    /// Returns true if values at a pair of directions are extrapolated: `wi` is further from the normal than the last
+    /// measured polar angle of incidence, or `wo` beyond the first or last measured polar angle of a grid that
+    /// continues there. Directions without a value, and those that a format defines as dark, are not extrapolated.
+    pub fn is_extrapolated(&self, wi: Option<Direction>, wo: Option<Direction>) -> bool {
+        // A list over the scattering angle has no angles of its own directions.
+        let is_list = self.stated().is_some_and(Stated::is_scattering);
         wi.is_some_and(|wi| self.geometry().is_past_last(wi))
+            || wo.is_some_and(|wo| !is_list && self.geometry().is_beyond_measured(wo))
+    }
+
+    /// Returns true if a pair of directions lies within the measured polar angles, so that its value is no continuation
+    /// of others. It may still be masked.
+    pub fn is_measured(&self, wi: Option<Direction>, wo: Option<Direction>) -> bool {
+        !self.is_extrapolated(wi, wo) && wi.is_none_or(|wi| !self.geometry().is_before_first(wi))
     }
 
     /// Measured share of the outgoing directions; `None` for data without outgoing directions.

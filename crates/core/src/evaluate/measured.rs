@@ -20,6 +20,7 @@ pub(super) const ON_PLANE: f64 = 2e-5;
 /// declares to be dark count as measured. A light of which one hemisphere was measured, as of downlights and panels, is
 /// taken to be dark in the other one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct MeasuredShare {
     /// Measured share of the directions into which the quantity sends light, from 0 to 1.
     pub share: f64,
@@ -34,6 +35,7 @@ pub struct MeasuredShare {
 
 /// Arrangement of the measured outgoing directions of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MeasuredExtent {
     /// Directions that cover an area of the sphere.

@@ -4,7 +4,7 @@ use super::error::{EvaluateError, QueryError, unfit};
 use super::lines::{Node, azimuth_nodes};
 use super::measured::{MeasuredExtent, MeasuredShare, ON_PLANE, WIDEST_GAP, has_planes, is_normal};
 use super::stated::domain_of;
-use crate::compress::{polar_weights, weights};
+use crate::compress::{EVERYWHERE, polar_weights, weights};
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Domain, Layout, Measurement, Outside, Quantity, TriangleMesh};
 use std::f64::consts::{PI, TAU};
 
@@ -32,7 +32,7 @@ impl MeasuredShare {
             Axis::Grid(grid) => {
                 let is_oblique = layout.incoming.is_some_and(|axis| !is_normal(&axes[axis]));
                 let (around, extent) = around(quantity, grid, is_oblique);
-                let polar = polar_weights(quantity, grid);
+                let polar = polar_weights(quantity, grid, EVERYWHERE);
                 let weights = polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect();
                 (weights, extent, domain_of(quantity))
             }

@@ -232,10 +232,16 @@ fn stored_integrals_are_those_of_the_function_at_stated_directions() {
 
 #[test]
 fn straight_lines_give_the_zonal_flux_of_the_samples() {
-    let flux = |material: &Material| material.energy().unwrap().flux.unwrap()[0].luminous.unwrap();
+    let flux = |material: &Material| {
+        let mut flux = [0.0];
+        material.albedo(&[], None, Interpolation::Smooth, &mut flux).unwrap();
+        f64::from(flux[0])
+    };
     let curved = flux(&lamp());
     let material = lamp().with_straight_lines(1.0);
     let straight = flux(&material);
+    // Whatever the interpolation, the flux of a report is zonal.
+    let reported = lamp().energy().unwrap().flux.unwrap()[0].luminous.unwrap();
     // Linear in gamma and in C between 19 and 5 angles: by the trapezoids of the samples.
     let stated = material.measurement().unwrap();
     let at = |row: usize, column: usize| f64::from(stated.tensor.samples()[row * 5 + column]);
@@ -248,6 +254,7 @@ fn straight_lines_give_the_zonal_flux_of_the_samples() {
     };
     let zonal = (1..19).map(zone).sum::<f64>();
     assert!((straight / zonal - 1.0).abs() < 1e-5, "{straight} {zonal}");
+    assert!((reported / zonal - 1.0).abs() < 1e-6, "{reported} {zonal}");
     assert!((curved / straight - 1.0).abs() < 5e-3, "{curved} {straight}");
 }
 
@@ -421,4 +428,25 @@ fn albedos_of_steps_are_sums_over_their_patches() {
     let [reflected, transmitted] = [report.reflected, report.transmitted].map(|spot| spot.unwrap().value);
     assert!((reflected / transmitted - 2.0).abs() < 1e-5, "{reflected} {transmitted}");
     assert!((report.entries[3].wi.unwrap()[0] - 45.0).abs() < 1e-9);
+}
+
+#[test]
+fn values_beyond_the_measured_angles_are_extrapolated() {
+    let at = |theta: f64| Some(Direction::from_degrees(theta, 30.0));
+    let measured = grid(Frame::Surface, vec![5.0, 40.0, 80.0], Some((every(30.0, 7), AzimuthExtent::Mirrored)));
+    for (covers, wo) in [((5.0, 80.0), [false; 4]), ((0.0, 90.0), [true, false, false, true])] {
+        let outgoing = measured.clone().covering(covers.0, covers.1).unwrap();
+        let samples = vec![1.0; 2 * outgoing.len()];
+        let tensor = Tensor::new(vec![Axis::Elevation(vec![10.0, 60.0]), Axis::Grid(outgoing)], samples).unwrap();
+        let brdf = Measurement::new(Quantity::Brdf, Unit::PerSteradian, Sampling::Point, tensor).unwrap();
+        let material = Material::of(brdf).unwrap();
+        // Without a value nothing is extrapolated.
+        let found = [3.0, 5.0, 80.0, 85.0].map(|theta| material.is_extrapolated(at(20.0), at(theta)));
+        assert_eq!(found, wo, "{covers:?}");
+        let incoming = [5.0, 60.0, 61.0].map(|theta| material.is_extrapolated(at(theta), at(40.0)));
+        assert_eq!(incoming, [false, false, true]);
+    }
+    // Beyond the angles of a luminaire its format defines darkness.
+    let lamp = lamp();
+    assert!([90.0, 120.0, 170.0].iter().all(|theta| !lamp.is_extrapolated(None, at(*theta))));
 }

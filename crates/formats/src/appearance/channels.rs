@@ -3,11 +3,11 @@
 //! Some wavelength grids are too coarse or too short for a standard colour but cover most of the visible range. Such
 //! spectra are interpolated linearly. Elsewhere (ultraviolet lamps, a single wavelength) the result is grey.
 
-use super::emission::{JOULES_PER_MICROMOLE, counts_photons, emits};
+use super::emission::{counts_photons, emits};
 use super::viewing::Viewing;
 use crate::domain::colour::{ColourError, Tristimulus, Xyz, xyz_to_linear};
 use crate::domain::{Axis, WavelengthGrid};
-use crate::evaluate::Material;
+use crate::evaluate::{JOULES_PER_MICROMOLE, Material};
 
 /// Weights for each wavelength that convert a spectrum to linear sRGB: Σ weight · sample. The perfect diffuser gives 1
 /// in each channel.

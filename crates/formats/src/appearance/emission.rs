@@ -2,9 +2,6 @@
 
 use crate::domain::{Quantity, Unit};
 
-/// `N_A·h·c` in J·nm/µmol (SI of 2019). Divided by a wavelength in nm, it is the energy of 1 µmol of photons.
-pub(crate) const JOULES_PER_MICROMOLE: f64 = 119.626_565_8;
-
 /// Returns true for quantities whose spectra describe emitted light, not the reflection or scattering of it.
 pub(crate) fn emits(quantity: Quantity) -> bool {
     matches!(quantity, Quantity::Spectrum | Quantity::Edf)

@@ -9,10 +9,8 @@ use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, entry, wavelengths};
 use super::writer::{Write, Writer};
 use super::{read_back, resolution};
-use crate::appearance::JOULES_PER_MICROMOLE;
-use crate::domain::colour::Tristimulus;
-use crate::domain::{Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Quantity, Unit};
-use crate::evaluate::{Interpolation, Material};
+use crate::domain::{Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame};
+use crate::evaluate::{Interpolation, Material, Photometry};
 use crate::formats::{
     self, AngleGrid, CPlanes, FormatError, FormatErrorKind, Interpretation, Samples, flux_of_planes, write_eulumdat,
     write_lm63,
@@ -27,7 +25,7 @@ pub(super) const LM63: Writer = Writer {
     extension: "ies",
     media_type: "text/plain",
     holds: "a luminaire (edf) of one value, or a density over wavelength, by direction",
-    fits: |material| Photometry::of(material).is_some(),
+    fits: |material| material.photometry().is_some(),
     whole: None,
     options: &[("step", "degrees between angles")],
     write: Write::Entry(lm63),
@@ -41,69 +39,27 @@ pub(super) const EULUMDAT: Writer = Writer {
     extension: "ldt",
     media_type: "text/plain",
     holds: "a luminaire (edf) in cd, cd/klm or visible watts by wavelength",
-    fits: |material| Photometry::of(material).is_some_and(|photometry| photometry.is_luminous()),
+    fits: |material| material.photometry().is_some_and(|photometry| photometry.is_luminous()),
     whole: None,
     options: &[("step", "degrees between angles")],
     write: Write::Entry(eulumdat),
 };
 
-/// Reduction of a spectrum to one intensity of a luminaire file.
-#[derive(Clone, Debug, PartialEq)]
-struct Photometry {
-    /// Weights of the spectral samples: the luminaire's intensity in a direction is Σ weight · sample over wavelengths.
-    weights: Vec<f64>,
-    unit: Unit,
-    /// Description of the spectrum that the luminaire file cannot hold; `None` if the material has no spectrum.
-    lost: Option<String>,
+/// Describes the spectrum that a luminaire file cannot hold; `None` if the material has no spectrum.
+fn lost(material: &Material, photometry: &Photometry) -> Option<String> {
+    wavelengths(material).map(|grid| lost_spectrum(grid.len(), photometry))
 }
 
-impl Photometry {
-    /// Returns the weights and the unit with which the spectra of a luminaire are reduced to intensities. Returns
-    /// `None` if the material is not a luminaire, or if its values are neither single numbers nor spectral densities.
-    fn of(material: &Material) -> Option<Self> {
-        let layout = material.layout();
-        if material.quantity() != Quantity::Edf || layout.outgoing.is_none() {
-            return None;
-        }
-        let unit = material.unit();
-        let Some(grid) = wavelengths(material) else {
-            let is_intensity =
-                matches!(unit, Unit::Candela | Unit::CandelaPerKilolumen) || unit.per_nanometre().is_some();
-            let single = material.lambdas() == 1 && is_intensity;
-            return single.then(|| Self { weights: vec![1.0], unit, lost: None });
-        };
-        // Relative spectra are taken as densities.
-        let density = if unit == Unit::Relative { Unit::RelativePerNanometre } else { unit };
-        let total = Unit::ALL.iter().copied().find(|total| total.per_nanometre() == Some(density))?;
-        let watts = match total {
-            Unit::WattPerSteradian | Unit::MicromolePerSecondSteradian => Some(1.0),
-            Unit::MilliwattPerSteradian => Some(1e-3),
-            Unit::MicrowattPerSteradian => Some(1e-6),
-            _ => None,
-        };
-        let photons = total == Unit::MicromolePerSecondSteradian;
-        let count = grid.len();
-        if let (Some(watts), Ok(tristimulus)) = (watts, Tristimulus::emission(grid)) {
-            let energy = |lambda: f64| if photons { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
-            let weights =
-                tristimulus.weights().iter().zip(grid.values()).map(|(w, l)| watts * energy(l) * w[1]).collect();
-            let lost = format!("the spectrum: of {count} wavelengths, what is seen (683 lm/W, V(lambda)) is left");
-            return Some(Self { weights, unit: Unit::Candela, lost: Some(lost) });
-        }
-        let lost = format!("the spectrum: of {count} wavelengths, the total is left");
-        Some(Self { weights: grid.weights(), unit: total, lost: Some(lost) })
-    }
-
-    /// Returns true if the intensities are photometric: candela or candela per kilolumen.
-    fn is_luminous(&self) -> bool {
-        matches!(self.unit, Unit::Candela | Unit::CandelaPerKilolumen)
-    }
+/// Describes a spectrum of `count` wavelengths that a luminaire file cannot hold, and what is left of it.
+pub(crate) fn lost_spectrum(count: usize, photometry: &Photometry) -> String {
+    let left = if photometry.is_luminous() { "what is seen (683 lm/W, V(lambda))" } else { "the total" };
+    format!("the spectrum: of {count} wavelengths, {left} is left")
 }
 
 fn lm63(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let (photometry, lamp) = sampled(material, options)?;
     let mut notes = vec![format!("values in {}, written by wavelume", photometry.unit)];
-    notes.extend(photometry.lost.iter().map(|lost| format!("lost: {lost}")));
+    notes.extend(lost(material, &photometry).map(|lost| format!("lost: {lost}")));
     if let Some(grid) = wavelengths(material) {
         let (first, last) = grid.range();
         notes.push(format!("the spectra went from {first} to {last} nm, samples in {}", material.unit()));
@@ -127,7 +83,7 @@ struct Lamp {
 }
 
 fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, Lamp), ExportError> {
-    let Some(photometry) = Photometry::of(material) else {
+    let Some(photometry) = material.photometry() else {
         return Err(UnfitError::NoLuminaire.into());
     };
     let subject = Subject::sum(material, options, photometry.weights.clone());
@@ -191,12 +147,13 @@ impl Lamp {
         photometry: Photometry,
     ) -> Result<Exported, ExportError> {
         let grid = grid(&bytes)?;
+        let lost = lost(material, &photometry);
         let subject = Subject::sum(material, options, photometry.weights);
         let (low, high) = gamma_range(material);
         // z falls from 1 at zenith to −1 at nadir.
         let z = |gamma: f64| -libm::round(libm::cos(gamma.to_radians())) as i8;
         let error = measure(
-            if photometry.lost.is_some() { "the intensity over all wavelengths" } else { "the intensity" },
+            if lost.is_some() { "the intensity over all wavelengths" } else { "the intensity" },
             Draws::Emission { low: z(low), high: z(high) },
             1,
             &|_, wo, values: &mut [f64]| subject.at(None, wo, values),
@@ -205,7 +162,7 @@ impl Lamp {
         let flux_error = (self.flux > 0.0).then(|| flux_of_planes(&grid) / self.flux - 1.0);
         let lamp = lamp_errors(&subject, &grid, (low, high));
         let resolution = format!("{} C planes of {} gamma angles", self.planes.c.len(), self.planes.gamma.len());
-        let (unit, lost) = (photometry.unit.to_string(), photometry.lost.into_iter().collect());
+        let (unit, lost) = (photometry.unit.to_string(), lost.into_iter().collect());
         let (filled, clipped) = (self.filled, self.clipped);
         Ok(Exported {
             bytes,

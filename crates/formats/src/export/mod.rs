@@ -55,6 +55,7 @@ pub use error::{ExportError, OptionError, UnfitError};
 pub use exported::{Exported, Summary};
 pub use lamp_errors::LampErrors;
 pub(crate) use lamp_errors::zonal_flux;
+pub(crate) use luminaire::lost_spectrum;
 pub use measure::{AddedError, PAIRS};
 pub use options::ExportOptions;
 

@@ -1,5 +1,6 @@
 //! Conversion of a luminaire to the header and the planes of another file format.
 
+use super::keywords::{self, Keywords};
 use super::origin::Origin;
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, Frame, Measurement, Quantity, Tensor, Unit};
 use crate::export::{ExportFormat, zonal_flux};
@@ -44,20 +45,6 @@ fn line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(LONGEST).collect()
 }
 
-/// Header fields of the source file of a luminaire.
-struct Fields<'a>(&'a Origin<'a>);
-
-impl Fields<'_> {
-    fn text(&self, keys: &[&str]) -> Option<&str> {
-        let found = |key: &&str| self.0.metadata.iter().find(|(found, _)| found == key);
-        keys.iter().find_map(found).map(|(_, text)| text.as_str()).filter(|text| !text.is_empty())
-    }
-
-    fn number(&self, keys: &[&str]) -> Option<f64> {
-        self.text(keys)?.split_whitespace().next()?.parse().ok().filter(|number: &f64| number.is_finite())
-    }
-}
-
 /// Returns the total flux of a luminaire, and the fraction of it below the horizon (0 to 1).
 fn flux(directions: &DirectionGrid, values: &[f32]) -> (f64, f64) {
     let all = zonal_flux(directions, values);
@@ -90,7 +77,7 @@ fn on_planes(
 }
 
 fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'_>) -> Option<Relabelled> {
-    let fields = Fields(origin);
+    let fields = Keywords(origin.metadata);
     let mut lost = Vec::new();
     // EULUMDAT lists C0 once.
     let closed = directions.azimuths().filter(|azimuths| azimuths.extent == AzimuthExtent::Closed);
@@ -108,8 +95,8 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
     };
     let [Axis::Grid(directions)] = measurement.tensor.axes() else { return None };
     let (flux, downward) = flux(directions, measurement.tensor.samples());
-    let count = fields.number(&["lamps"]).filter(|count| *count >= 1.0).unwrap_or(1.0);
-    let rated = fields.number(&["lumens_per_lamp"]).filter(|lumens| *lumens > 0.0).map(|lumens| count * lumens);
+    let count = fields.number(keywords::LAMPS).filter(|count| *count >= 1.0).unwrap_or(1.0);
+    let rated = fields.number(keywords::LUMENS_PER_LAMP).filter(|lumens| *lumens > 0.0).map(|lumens| count * lumens);
     let (lamps, lumens, ratio) = match (measurement.unit, rated) {
         (Unit::CandelaPerKilolumen, rated) => (count, rated.unwrap_or(1000.0), flux / 10.0),
         (_, Some(rated)) => (count, rated, 100.0 * flux / rated),
@@ -134,14 +121,14 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
     let mut metadata = Vec::new();
     let mut add = |key: &str, value: String| metadata.push((key.to_owned(), value));
     for (key, keys) in [
-        ("company", &["MANUFAC", "Manufacturer"][..]),
-        ("report", &["TEST", "ReportNumber"]),
-        ("luminaire", &["LUMINAIRE", "Description"]),
-        ("luminaire_number", &["LUMCAT", "CatalogNumber"]),
-        ("date", &["ISSUEDATE", "DATE", "ReportDate"]),
-        ("lamp", &["LAMP", "LAMPCAT", "Emitter/Description"]),
-        ("colour", &["COLORTEMP", "_CCT", "Emitter/ColorTemperature/FixedCCT", "Emitter/FixedCCT", "Emitter/CCT"]),
-        ("colour_rendering", &["CRI", "_CRI", "Emitter/ColorRendering/CIE_CRI/Ra", "Emitter/ColorRendering/Ra"]),
+        ("company", keywords::MAKER),
+        ("report", keywords::REPORT),
+        ("luminaire", keywords::NAME),
+        ("luminaire_number", keywords::CATALOGUE_NUMBER),
+        ("date", keywords::DATE),
+        ("lamp", keywords::LAMP),
+        ("colour", keywords::COLOUR),
+        ("colour_rendering", keywords::COLOUR_RENDERING),
     ] {
         add(key, fields.text(keys).map(line).unwrap_or_default());
     }
@@ -164,7 +151,7 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
         ("tilt_degrees", 0.0),
         ("lamps", lamps),
         ("lumens", lumens),
-        ("watts", fields.number(&["input_watts", "Emitter/InputWattage", "Emitter/InputWatts"]).unwrap_or(0.0)),
+        ("watts", fields.number(keywords::WATTS).unwrap_or(0.0)),
     ] {
         add(key, value.to_string());
     }
@@ -175,7 +162,7 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
 }
 
 fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'_>) -> Option<Relabelled> {
-    let fields = Fields(origin);
+    let fields = Keywords(origin.metadata);
     // LM-63 repeats the first plane of a full circle as the last.
     let circle = directions.azimuths().filter(|azimuths| azimuths.extent == AzimuthExtent::Circle);
     let measurement = match circle {
@@ -190,19 +177,19 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     let mut metadata = Vec::new();
     let mut add = |key: &str, value: String| metadata.push((key.to_owned(), value));
     for (key, keys) in [
-        ("TEST", &["report", "ReportNumber"][..]),
-        ("TESTLAB", &["Laboratory"]),
-        ("ISSUEDATE", &["date", "ReportDate"]),
-        ("MANUFAC", &["company", "Manufacturer"]),
-        ("LUMCAT", &["luminaire_number", "CatalogNumber"]),
-        ("LUMINAIRE", &["luminaire", "Description"]),
-        ("LAMP", &["lamp", "set_1_lamp", "Emitter/Description"]),
+        ("TEST", keywords::REPORT),
+        ("TESTLAB", keywords::LABORATORY),
+        ("ISSUEDATE", keywords::DATE),
+        ("MANUFAC", keywords::MAKER),
+        ("LUMCAT", keywords::CATALOGUE_NUMBER),
+        ("LUMINAIRE", keywords::NAME),
+        ("LAMP", keywords::LAMP),
     ] {
         add(key, fields.text(keys).map_or_else(|| "not stated".to_owned(), line));
     }
     add("tilt", "NONE".to_owned());
-    let lamps = fields.number(&["lamps", "set_1_lamps"]).unwrap_or(-1.0);
-    let lumens = fields.number(&["lumens", "set_1_lumens"]).filter(|lumens| *lumens > 0.0 && lamps >= 1.0);
+    let lamps = fields.number(keywords::LAMPS).unwrap_or(-1.0);
+    let lumens = fields.number(keywords::LUMENS).filter(|lumens| *lumens > 0.0 && lamps >= 1.0);
     add("lamps", lamps.max(1.0).to_string());
     add("lumens_per_lamp", lumens.map_or(-1.0, |lumens| rounded(lumens / lamps)).to_string());
     let metres = |key: &str| rounded(fields.number(&[key]).unwrap_or(0.0) / 1000.0);
@@ -212,13 +199,7 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     add("luminous_width", format!("{} m", along_y + 0.0));
     add("luminous_length", format!("{} m", along_x + 0.0));
     add("luminous_height", format!("{} m", metres("luminous_height_c0_mm")));
-    add(
-        "input_watts",
-        fields
-            .number(&["watts", "set_1_watts", "Emitter/InputWattage", "Emitter/InputWatts"])
-            .unwrap_or(0.0)
-            .to_string(),
-    );
+    add("input_watts", fields.number(keywords::WATTS).unwrap_or(0.0).to_string());
     Some(Relabelled { measurement, metadata, lost: Vec::new() })
 }
 

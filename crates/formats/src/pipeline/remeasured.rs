@@ -4,12 +4,12 @@ use super::error::PipelineError;
 use super::fit::at_samples;
 use super::outcome::project;
 use super::request::Request;
-use super::source::{Input, read};
-use crate::compress::decode;
+use super::source::{Input, Source, read};
+use crate::compress::{Decoded, decode};
 use crate::domain::{Axis, ErrorReport, Layout, Measurement, WavelengthGrid};
 use crate::evaluate::Material;
 use crate::formats::Samples;
-use crate::projection::{self, DirectionDomain};
+use crate::projection::{self, DirectionDomain, Projected};
 
 /// Largest difference in nm or degrees between a coordinate stored in a material and that of its measurement. Files
 /// round coordinates less than that; raising it accepts materials of neighbouring axes.
@@ -48,6 +48,41 @@ pub enum RemeasureError {
 /// of the material are refused before the measurement is read.
 pub fn remeasure(input: &Input<'_>, bytes: &[u8], request: &Request) -> Result<Remeasured, RemeasureError> {
     let decoded = decode(bytes).map_err(|error| PipelineError::Opened(error.into()))?;
+    let (source, projected) = projected_like(input, &decoded, request)?;
+    let (acquisition, found, expected) = (&source.acquisition, &decoded.measurement, &projected.measurement);
+    let axes = found.tensor.axes();
+    let floor = decoded.summary.floor;
+    let errors = ErrorReport::at_directions(axes, expected.tensor.samples(), found.tensor.samples(), floor);
+    let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    let is_averaged = !on_grid && matches!(acquisition.samples, Samples::Grid(_));
+    let scattered = projected.scattered;
+    drop(projected.measurement);
+    let at_samples = match scattered {
+        Some(scattered) => {
+            let material = Material::decoded(decoded).map_err(PipelineError::Opened)?;
+            Some(at_samples(acquisition, &scattered, &material, None).errors)
+        }
+        None if is_averaged => projection::error_at_samples(acquisition, &decoded.measurement),
+        None => None,
+    };
+    Ok(Remeasured { errors, at_samples })
+}
+
+/// Opens `input`, the measurement from which the material file `bytes` was made, on the axes and with the interpolation
+/// of the material, so that both can be compared. `request` is that of [`remeasure`].
+pub fn open_source(input: &Input<'_>, bytes: &[u8], request: &Request) -> Result<Material, RemeasureError> {
+    let decoded = decode(bytes).map_err(|error| PipelineError::Opened(error.into()))?;
+    let (_, projected) = projected_like(input, &decoded, request)?;
+    // A lobe beside the cells belongs to the material: the measurement has it, too.
+    Ok(Material::decoded(Decoded { measurement: projected.measurement, ..decoded }).map_err(PipelineError::Opened)?)
+}
+
+/// Reads `input` and projects it onto the axes of a material that was made from it.
+fn projected_like(
+    input: &Input<'_>,
+    decoded: &Decoded,
+    request: &Request,
+) -> Result<(Source, Projected), RemeasureError> {
     let axes = decoded.measurement.tensor.axes();
     if let Some(range) = &request.wavelengths {
         let wanted = WavelengthGrid::parse_range(range).map_err(PipelineError::from)?.len();
@@ -74,21 +109,7 @@ pub fn remeasure(input: &Input<'_>, bytes: &[u8], request: &Request) -> Result<R
     if !is_same {
         return Err(RemeasureError::Other { found: described(found), expected: described(expected) });
     }
-    let floor = decoded.summary.floor;
-    let errors = ErrorReport::at_directions(axes, expected.tensor.samples(), found.tensor.samples(), floor);
-    let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
-    let is_averaged = !on_grid && matches!(acquisition.samples, Samples::Grid(_));
-    let scattered = projected.scattered;
-    drop(projected.measurement);
-    let at_samples = match scattered {
-        Some(scattered) => {
-            let material = Material::decoded(decoded).map_err(PipelineError::Opened)?;
-            Some(at_samples(acquisition, &scattered, &material, None).errors)
-        }
-        None if is_averaged => projection::error_at_samples(acquisition, &decoded.measurement),
-        None => None,
-    };
-    Ok(Remeasured { errors, at_samples })
+    Ok((source, projected))
 }
 
 /// Returns `request` with the domain and the subdivision levels of the directions of `material`.

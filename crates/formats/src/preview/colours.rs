@@ -1,13 +1,13 @@
 //! Colours of a material at a pair of directions: XYZ, CIELAB, sRGB, and the colour temperature of lights.
 
 use super::error::{PreviewError, QuestionError, unfit};
-use crate::appearance::{JOULES_PER_MICROMOLE, Viewing, counts_photons, emits};
+use crate::appearance::{Viewing, counts_photons, emits};
 use crate::domain::colour::{
     Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
     xyz_of, xyz_to_linear,
 };
 use crate::domain::{Axis, Direction, Quantity, Unit};
-use crate::evaluate::{Interpolation, Material, Place};
+use crate::evaluate::{Interpolation, JOULES_PER_MICROMOLE, Material, Place};
 use serde::Serialize;
 use std::f64::consts::PI;
 

@@ -435,3 +435,64 @@ fn files_that_the_angles_or_the_options_do_not_fit_are_sampled_anew() {
     assert!(reason.contains("not with these planes"), "{reason}");
     assert!(export_on_grid(b"no material", ExportFormat::Lm63, &ExportOptions::default()).is_err());
 }
+
+#[test]
+fn lamps_joined_with_a_spectrum_go_back_to_the_files_that_they_came_from() {
+    let spectrum = (0..21).fold("wavelength,power\n".to_owned(), |mut text, i| {
+        let lambda = 380.0 + 20.0 * f64::from(i);
+        let _ = writeln!(text, "{lambda},{}", (-0.5 * ((lambda - 560.0) / 80.0).powi(2)).exp());
+        text
+    });
+    for name in [
+        "tests/fixtures/ies/examp1.ies",
+        "tests/fixtures/ies/iesna2002_example_typec.ies",
+        "tests/fixtures/ies/test.ies",
+        "tests/fixtures/ies/example_modules.ies",
+        "data/ushio_b1.ies",
+        "tests/fixtures/ldt/example.ldt",
+        "tests/fixtures/ldt/symmetry_to_c90c270.ldt",
+        "tests/fixtures/ldt/absolute.ldt",
+    ] {
+        let bytes = fs::read(root().join(name)).unwrap();
+        let interpretation = Interpretation::default();
+        let acquisition = read(&bytes, &interpretation).unwrap();
+        let stated = on_grid(&acquisition);
+        let input = Input { bytes: &bytes, spectrum: Some(spectrum.as_bytes()), interpretation: &interpretation };
+        let source = read_source(&input).unwrap();
+        let (own, other) = match acquisition.format {
+            "eulumdat" => (ExportFormat::Eulumdat, ExportFormat::Lm63),
+            _ => (ExportFormat::Lm63, ExportFormat::Eulumdat),
+        };
+        for (target, allowed) in [(Target::Lossless, 2e-5), (Target::ErL2(0.01), 0.011)] {
+            let request = Request { domain: Some(DirectionDomain::Grid), ..Request::to(target) };
+            let material = source.compress(&request).unwrap().bytes;
+            let file = exported(&material, own);
+            assert!(file.about.lost.iter().any(|lost| lost.starts_with("the spectrum: of 21 wavelengths")), "{name}");
+            assert!(10 * file.bytes.len() <= 13 * bytes.len(), "{name}: {} {}", file.bytes.len(), bytes.len());
+            let again = read(&file.bytes, &interpretation).unwrap();
+            assert_eq!(again.unit, acquisition.unit, "{name}");
+            // The flux that the reader notes differs in a lossy file.
+            let kept = |all: &Acquisition| {
+                let fields = all.report.metadata.iter().filter(|(key, _)| key != "flux_of_the_intensities_lm");
+                fields.cloned().collect::<Vec<_>>()
+            };
+            assert_eq!(kept(&again), kept(&acquisition), "{name}");
+            let back = on_grid(&again);
+            assert_eq!(back.tensor.axes(), stated.tensor.axes(), "{name}");
+            let found = ErrorReport::measure(stated.tensor.samples(), back.tensor.samples(), 0.0);
+            assert!(found.er_l2 <= allowed, "{name}: {}", found.er_l2);
+            // Type B and radiant intensities have no place in EULUMDAT.
+            if other == ExportFormat::Eulumdat && (name.contains("test.ies") || name.contains("ushio")) {
+                continue;
+            }
+            let file = exported(&material, other);
+            let again = read(&file.bytes, &interpretation).unwrap();
+            assert_eq!(directions(&on_grid(&again)).polar(), directions(&stated).polar(), "{name}");
+            let watts = |all: &Acquisition| {
+                let field = all.report.metadata.iter().find(|(key, _)| key == "watts" || key == "input_watts");
+                field.and_then(|(_, watts)| watts.parse::<f64>().ok())
+            };
+            assert_eq!(watts(&again), watts(&acquisition), "{name}");
+        }
+    }
+}

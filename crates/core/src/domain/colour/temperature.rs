@@ -67,10 +67,18 @@ impl ColourTemperature {
 }
 
 /// Returns the CIE 1960 chromaticity (u, v) of tristimulus values; `None` without light.
-fn uv(light: Xyz) -> Option<[f64; 2]> {
+pub(super) fn uv(light: Xyz) -> Option<[f64; 2]> {
     let sum = light.x + 15.0 * light.y + 3.0 * light.z;
     let finite = sum.is_finite() && sum > 0.0;
     finite.then(|| [4.0 * light.x / sum, 6.0 * light.y / sum])
+}
+
+/// Spectral power of a Planckian radiator of a temperature in K at a wavelength in nm, relative to that at 560 nm, so
+/// that no temperature overflows.
+pub(super) fn planckian_power(lambda: f64, temperature: f64) -> f64 {
+    let ratio = 560.0 / lambda;
+    let fifth = ratio * ratio * ratio * ratio * ratio;
+    fifth * libm::expm1(C2 / (560.0 * temperature)) / libm::expm1(C2 / (lambda * temperature))
 }
 
 fn planckian(mired: f64, observer: &Observer) -> [f64; 2] {
@@ -78,10 +86,7 @@ fn planckian(mired: f64, observer: &Observer) -> [f64; 2] {
     let (mut x, mut y, mut z) = (0.0, 0.0, 0.0);
     for nm in RANGE.0 as u32..=RANGE.1 as u32 {
         let lambda = f64::from(nm);
-        // Relative to 560 nm, so that no temperature overflows.
-        let ratio = 560.0 / lambda;
-        let fifth = ratio * ratio * ratio * ratio * ratio;
-        let power = fifth * libm::expm1(C2 / (560.0 * temperature)) / libm::expm1(C2 / (lambda * temperature));
+        let power = planckian_power(lambda, temperature);
         x += power * observer.x.at(lambda);
         y += power * observer.y.at(lambda);
         z += power * observer.z.at(lambda);

@@ -17,6 +17,7 @@ const ROUNDING: f64 = 1e-6;
 /// Report on the energy that leaves a material. It holds an albedo, a normalisation or a flux, depending on the
 /// quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct EnergyReport {
     /// Radiometric quantity of the material, such as `brdf`.
     pub quantity: Quantity,
@@ -36,6 +37,7 @@ pub struct EnergyReport {
 /// Result of comparing an integral with 1, which an albedo must not exceed and the integral of a phase function must
 /// equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The albedo is at most 1, or the integral of the phase function is 1, up to rounding of samples.
@@ -51,6 +53,7 @@ pub enum Verdict {
 /// Relative error of a sample by lossy compression, and an upper bound on the resulting error of an integral over
 /// directions. Both derive from the compression errors that the file's header states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Allowance {
     /// Root mean square relative error er(L2) of a sample, as the file's header gives it.
     pub er_l2: f64,
@@ -62,6 +65,7 @@ pub struct Allowance {
 
 /// Report on the directional–hemispherical albedos ∫ f · |cos θo| dωo of a material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct AlbedoReport {
     /// Largest albedo among all sampled incoming directions and wavelengths; `None` if all are masked.
     pub largest: Option<Spot>,
@@ -86,6 +90,7 @@ pub struct AlbedoReport {
 
 /// Report on the integrals of a phase function over the sphere, which should be 1.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct NormalisationReport {
     /// Smallest of the phase function's integrals over the sphere, one for each sampled incoming direction and
     /// wavelength.

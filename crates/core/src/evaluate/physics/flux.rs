@@ -1,13 +1,15 @@
 //! Flux of an emission: its intensity integrated over all directions, by wavelength, in total and as luminous flux.
 
+use crate::compress::weights_of_angles;
 use crate::domain::colour::Tristimulus;
 use crate::domain::{Unit, WavelengthGrid};
-use crate::evaluate::albedo::Side;
+use crate::evaluate::albedo::{Side, write_integrals};
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
 /// Flux of an emission for one combination of indices (positions on the axes before the directions).
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct FluxReport {
     /// Index on each index axis (leading axis other than directions and wavelength).
     pub index: Vec<usize>,
@@ -22,7 +24,7 @@ pub struct FluxReport {
     /// Unit of the total flux over wavelengths.
     pub total_unit: &'static str,
     /// Luminous flux in lm (per 1000 lamp lumens for cd/klm): the total flux for candela, 683 lm/W · ∫ V(λ) Φ(λ) dλ for
-    /// watts per nm.
+    /// watts or photons per nm.
     pub luminous: Option<f64>,
     /// Reason why the luminous flux is missing.
     pub reason: Option<String>,
@@ -30,11 +32,22 @@ pub struct FluxReport {
 
 impl Material {
     pub(super) fn fluxes(&self) -> Vec<FluxReport> {
-        if let Some(stated) = self.stated() {
-            return (0..self.geometry().entries()).map(|entry| self.flux(entry, &stated.integral(entry))).collect();
+        (0..self.geometry().entries()).map(|entry| self.flux(entry, &self.flux_row(entry))).collect()
+    }
+
+    /// Flux over all directions at each wavelength, for one combination of indices; NaN if all directions are masked.
+    /// Between the angles of a grid the intensities are straight lines, as zonal fluxes are computed (CIE 121, IES
+    /// LM-79).
+    pub(super) fn flux_row(&self, entry: usize) -> Vec<f32> {
+        let lambdas = self.lambdas();
+        if let Some(grid) = self.outgoing_grid() {
+            let mut row = vec![0.0; lambdas];
+            write_integrals(&self.slice(entry), &weights_of_angles(self.quantity(), grid), &mut row);
+            return row;
         }
-        let table = self.stored_albedos(Side::Both, true).unwrap_or_default();
-        table.chunks_exact(self.lambdas()).enumerate().map(|(entry, row)| self.flux(entry, row)).collect()
+        let cells = self.over_triangles().ok();
+        let table = cells.and_then(|cells| cells.stored_albedos(Side::Both, true)).unwrap_or_default();
+        table.chunks_exact(lambdas).nth(entry).map_or_else(|| vec![f32::NAN; lambdas], <[f32]>::to_vec)
     }
 
     fn flux(&self, entry: usize, row: &[f32]) -> FluxReport {
@@ -59,20 +72,26 @@ impl Material {
     }
 
     fn luminous(&self, row: &[f32], total: Option<f64>) -> Result<f64, String> {
-        let watts = match self.unit() {
-            Unit::Candela | Unit::CandelaPerKilolumen => {
-                return total.ok_or_else(|| {
-                    "the intensity in candela depends on wavelength or is masked in every direction".to_owned()
-                });
-            }
-            Unit::WattPerSteradianNanometre => 1.0,
-            Unit::MilliwattPerSteradianNanometre => 1e-3,
-            Unit::MicrowattPerSteradianNanometre => 1e-6,
-            unit => return Err(format!("the unit is {unit}, expected an intensity in cd, cd/klm or W/(sr nm)")),
-        };
+        let unit = self.unit();
+        if matches!(unit, Unit::Candela | Unit::CandelaPerKilolumen) {
+            return total.ok_or_else(|| {
+                "the intensity in candela depends on wavelength or is masked in every direction".to_owned()
+            });
+        }
+        let is_power = matches!(
+            unit,
+            Unit::WattPerSteradianNanometre
+                | Unit::MilliwattPerSteradianNanometre
+                | Unit::MicrowattPerSteradianNanometre
+                | Unit::MicromolePerSecondSteradianNanometre
+        );
+        if !is_power {
+            return Err(format!("the unit is {unit}, expected an intensity in cd, cd/klm or W/(sr nm)"));
+        }
         let grid = self.geometry().grid().ok_or_else(|| "the intensity has no wavelengths".to_owned())?;
-        let weights = Tristimulus::emission(grid).map_err(|error| error.to_string())?;
-        let luminous = watts * weights.xyz(row).y;
+        Tristimulus::emission(grid).map_err(|error| error.to_string())?;
+        let weights = self.photometry().map(|photometry| photometry.weights).unwrap_or_default();
+        let luminous: f64 = weights.iter().zip(row).map(|(weight, &flux)| weight * f64::from(flux)).sum();
         if luminous.is_nan() {
             Err("the intensity at a wavelength is masked in every direction".to_owned())
         } else {
@@ -98,7 +117,7 @@ fn is_density(unit: Unit) -> bool {
 }
 
 /// Unit of the spectral flux of an intensity in a given unit, and unit of its total over wavelengths.
-fn units(unit: Unit) -> (&'static str, &'static str) {
+pub(super) fn units(unit: Unit) -> (&'static str, &'static str) {
     match unit {
         Unit::Relative => ("relative·sr", "relative·sr"),
         Unit::One => ("sr", "sr"),

@@ -7,6 +7,9 @@
 
 mod energy;
 mod flux;
+mod gloss;
+mod luminaire;
+mod plane;
 mod preparation;
 mod reciprocity;
 mod reflectance;
@@ -17,6 +20,8 @@ mod tests;
 
 pub use energy::{AlbedoReport, Allowance, EnergyReport, NormalisationReport, Verdict};
 pub use flux::FluxReport;
+pub use gloss::GlossReport;
+pub use luminaire::{IntensityAt, LuminaireReport, PlaneReport, ZoneReport};
 pub use preparation::{Preparation, Prepared};
 pub use reciprocity::{ReciprocityReport, WorstPair};
 pub use spot::Spot;

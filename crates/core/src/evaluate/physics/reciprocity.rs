@@ -24,6 +24,7 @@ const MOST_PAIRS: usize = 1 << 17;
 /// One evaluation starts at a measured incoming direction, the other between measured ones. The differences therefore
 /// include the interpolation error; [`ReciprocityReport::left_out_error`] is a measure of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ReciprocityReport {
     /// Number of pairs of an incoming and an outgoing direction at which f(wi, wo) was compared with f(wo, wi).
     pub pairs: u64,
@@ -49,6 +50,7 @@ pub struct ReciprocityReport {
 
 /// Pair of directions with the largest relative difference between f(wi, wo) and f(wo, wi).
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct WorstPair {
     /// Relative difference between f(wi, wo) and f(wo, wi), 0 to 2.
     pub difference: f64,

@@ -7,6 +7,7 @@ use crate::evaluate::material::Material;
 /// Value that a physical check of a material reports, such as the largest albedo, with its indices, incoming direction
 /// and wavelength.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Spot {
     /// Value that the report found, for example an albedo.
     pub value: f64,
