@@ -370,3 +370,37 @@ fn random_spectra_on_grids_are_never_refused() {
         check_samples(&measurement, &settings, decoded.summary.floor, decoded.measurement.tensor.samples());
     }
 }
+
+#[test]
+fn the_smallest_numbers_are_evaluated_as_they_are_decoded() {
+    let mut random = Random(29);
+    let azimuths = Azimuths { angles: vec![0.0, 60.0, 120.0, 180.0], extent: AzimuthExtent::Mirrored };
+    let grid = DirectionGrid::new(Frame::Surface, vec![10.0, 30.0, 50.0, 70.0], Some(azimuths)).unwrap();
+    for last in [None, Some(Axis::Rgb), Some(Axis::Wavelength(WavelengthGrid::even(400.0, 10.0, 31).unwrap()))] {
+        let axes: Vec<Axis> =
+            [Axis::Elevation(vec![0.0, 40.0]), Axis::Grid(grid.clone())].into_iter().chain(last).collect();
+        let count: usize = axes.iter().map(Axis::len).product();
+        // From 1e-36 down to denormal numbers of ten bits.
+        let samples = (0..count).map(|_| libm::pow(10.0, -36.0 - 6.0 * random.share()) as f32).collect();
+        let tensor = Tensor::new(axes.clone(), samples).unwrap();
+        let measurement =
+            Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Point, tensor).unwrap();
+        for target in [Target::Lossless, Target::ErL2(0.01)] {
+            let file = compress(&measurement, &Settings { target, ..Settings::default() }, &Silent).unwrap();
+            let decoded = decode(&file.bytes).unwrap();
+            let material = Material::open(&file.bytes).unwrap();
+            let mut found = Vec::new();
+            let mut spectrum = vec![0.0; material.lambdas()];
+            let [wis, wos] = [directions(&axes[0]), directions(&axes[1])];
+            for ((wi, _), (wo, _)) in wis.iter().flat_map(|wi| wos.iter().map(move |wo| (*wi, *wo))) {
+                let place = Place { index: &[], wi, wo };
+                material.evaluate(place, Interpolation::Smooth, &mut spectrum).unwrap();
+                found.extend_from_slice(&spectrum);
+            }
+            for (&found, &decoded) in found.iter().zip(decoded.measurement.tensor.samples()) {
+                let most = 1e-5 * decoded + 2.0 * f32::from_bits(1);
+                assert!((found - decoded).abs() <= most, "{target:?} evaluated {found:e}, decoded {decoded:e}");
+            }
+        }
+    }
+}

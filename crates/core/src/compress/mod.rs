@@ -70,7 +70,7 @@ pub use light::LightReport;
 pub(crate) use light::{EVERYWHERE, polar_weights, weights, weights_of_angles, weights_of_zone};
 pub(crate) use lobe_chunk::fits as lobe_fits;
 pub(crate) use lobe_means::lobe_means;
-pub use lossless::Numbers;
+pub use lossless::{Numbers, smaller_lossless};
 pub use noise::{Noise, estimate as estimate_noise};
 pub use policy::Policy;
 #[doc(hidden)]

@@ -7,6 +7,9 @@ wavelume_core::declare_notes! {
         Warning LightOff { largest_percent: f64, bound: f64 } =>
             "the light of some direction (directional albedo, flux) is {largest_percent:.1} % off, though the samples keep \
              their error: give albedo_error {bound}, or a smaller error";
+        Warning LargerThanLossless { bytes: usize, lossless_bytes: usize } =>
+            "the file has {bytes} bytes, and a lossless one of these samples {lossless_bytes}: use lossless, or ask for a \
+             larger error";
         Warning LevelCoarse {
             level: u8, is_named: bool, added_percent: f64, noise_percent: Option<f64>, allowed_percent: f64,
         } => "outgoing level {level}{tried} adds er(L2) {added_percent:.2} % to the noise of the samples ({noise}), more than \

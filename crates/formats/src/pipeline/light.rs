@@ -12,6 +12,14 @@ const LIGHT: f64 = 0.03;
 /// 0.02 is 2 %. Raising it corrects more files.
 const COST: f64 = 0.02;
 
+/// Number of samples from which corrections are tried at the quantiser step of the file without them, before the step
+/// is searched again. Raising it searches more measurements in vain.
+const MANY: usize = 1 << 18;
+/// Relative growth of the file, and multiple of its er(L2), in that trial from which no search follows: it would find
+/// no file that grows by at most [`COST`]. Raising them searches more often in vain.
+const HOPELESS: f64 = 0.1;
+const HOPELESS_ERROR: f64 = 2.0;
+
 /// Compresses a measurement; `stated` are the numbers of its file and the factor that makes them samples. If the albedo
 /// or flux of an angle grid is off by more than [`LIGHT`], compresses again with corrections of it. Keeps these if they
 /// add at most [`COST`] to the size.
@@ -33,6 +41,19 @@ pub(super) fn compress(
     }
     let compressed = compressed.without_samples();
     let bounded = Settings { albedo_error: Some(LIGHT), ..settings.clone() };
+    if let Some(step) = compressed.summary.step.filter(|_| measurement.tensor.len() >= MANY) {
+        let at_once = Settings { target: Target::Step(step), ..bounded.clone() };
+        let is_hopeless = |tried: &Compressed| {
+            let (growth, size) = (1.0 + HOPELESS, compressed.bytes.len() as f64);
+            let [found, before] = [tried, &compressed].map(|file| file.summary.errors.er_l2);
+            tried.bytes.len() as f64 > growth * size || found > HOPELESS_ERROR * before
+        };
+        match compress::compress(measurement, &at_once, progress) {
+            Err(CompressError::Cancelled(cancelled)) => return Err(CompressError::Cancelled(cancelled)),
+            Ok(tried) if is_hopeless(&tried) => return Ok(compressed),
+            _ => {}
+        }
+    }
     match compress::compress(measurement, &bounded, progress) {
         Ok(kept) if kept.bytes.len() as f64 <= (1.0 + COST) * compressed.bytes.len() as f64 => Ok(kept),
         Err(CompressError::Cancelled(cancelled)) => Err(CompressError::Cancelled(cancelled)),

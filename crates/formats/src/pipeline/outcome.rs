@@ -13,11 +13,11 @@ use super::sample_light::{self, LightSums, Scanned, Untold};
 use super::source::Source;
 use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
-use crate::compress::{self, Between, Numbers, Settings, Summary, Target};
-use crate::domain::{Axis, Progress, Silent};
+use crate::compress::{self, Between, Numbers, Policy, Settings, Summary, Target};
+use crate::domain::{Axis, Measurement, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, measured_share, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, Samples, not_wider};
-use crate::notes::ProjectionNote;
+use crate::notes::{MaterialNote, ProjectionNote};
 use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
 
 /// Code of the note on a directional albedo above 1 of a measurement.
@@ -185,6 +185,7 @@ fn compressed(
         }
         compressed.bytes = state_levels(std::mem::take(&mut compressed.bytes), &measurement).map_err(opened)?;
     }
+    let is_larger = larger_than_lossless(&measurement, stated, &settings, compressed.bytes.len())?;
     // Frees the measurement: evaluation needs the memory.
     drop((measurement, numbers));
     let decoded = compressed.take_decoded().map_err(|error| PipelineError::Opened(error.into()))?;
@@ -223,11 +224,25 @@ fn compressed(
     let found = Measured { fit, at_cells, material: material.as_ref(), share: measured };
     let mut report = report(acquisition, target, samples, (coverage, lobe), found, &compressed)?;
     report.auto = auto;
-    report.notes.extend(unresolved.into_iter().chain(implausible));
+    report.notes.extend(unresolved.into_iter().chain(implausible).chain(is_larger));
     if report.within_2u.is_none() {
         report.within_2u = within_2u;
     }
     Ok(Judged { outcome: Outcome { bytes: compressed.bytes, report }, warnings })
+}
+
+/// Returns a warning if a file of `bytes` bytes is larger than the lossless one of a measurement with these settings.
+fn larger_than_lossless(
+    measurement: &Measurement,
+    numbers: Option<Numbers<'_>>,
+    settings: &Settings,
+    bytes: usize,
+) -> Result<Option<Note>, PipelineError> {
+    if settings.target == Target::Lossless || settings.policy == Policy::Lossless {
+        return Ok(None);
+    }
+    let smaller = compress::smaller_lossless(measurement, numbers, settings, bytes)?;
+    Ok(smaller.map(|lossless_bytes| MaterialNote::LargerThanLossless { bytes, lossless_bytes }.into()))
 }
 
 impl Source {
@@ -235,5 +250,38 @@ impl Source {
     /// in the report are measured on the decoded file.
     pub fn compress(&self, request: &Request) -> Result<Outcome, PipelineError> {
         compress(self, request, &Silent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::Interpretation;
+    use crate::pipeline::{Input, read};
+
+    #[test]
+    fn a_file_larger_than_the_lossless_one_is_warned_of() {
+        // Plateaus of uneven lengths, which wavelets cannot follow.
+        let value = |at: u32| 0.1 + f64::from((at * at / 7 + at / 11) % 89 / 3) / 40.0;
+        let rows = (0..4000).map(|at| format!("{},{:.6}\n", 300.0 + 0.25 * f64::from(at), value(at / 9)));
+        let text: String = std::iter::once("wavelength_nm,reflectance\n".to_owned()).chain(rows).collect();
+        let interpretation = Interpretation::default();
+        let source = read(&Input { bytes: text.as_bytes(), spectrum: None, interpretation: &interpretation }).unwrap();
+        let told = |request: &Request| {
+            let Outcome { bytes, report } = source.compress(request).unwrap();
+            let notes = report.notes.iter().filter(|note| note.code == "material-larger-than-lossless");
+            (bytes.len(), notes.map(|note| note.message.clone()).collect::<Vec<_>>())
+        };
+        let lossless = Request { target: Target::Lossless, metadata: false, ..Request::er_l2(0.01) };
+        let (least, notes) = told(&lossless);
+        assert!(notes.is_empty());
+        let fine = Request { metadata: false, ..Request::er_l2(1e-6) };
+        let (bytes, notes) = told(&fine);
+        let expected = format!(
+            "the file has {bytes} bytes, and a lossless one of these samples {least}: use lossless, or ask for a larger error"
+        );
+        assert!(bytes > least && notes == [expected], "{bytes} {least} {notes:?}");
+        let (bytes, notes) = told(&Request { metadata: false, ..Request::er_l2(0.1) });
+        assert!(bytes < least && notes.is_empty(), "{bytes} {least} {notes:?}");
     }
 }
