@@ -230,6 +230,12 @@ impl Material {
         self.summary.as_ref()
     }
 
+    /// Root mean square relative error er(L2) that the compressed material promises; `None` if it was opened from a
+    /// measurement.
+    pub fn promised_er_l2(&self) -> Option<f64> {
+        self.summary.as_ref().map(Summary::promised_er_l2)
+    }
+
     /// Number of samples in one spectrum: 1 for monochromatic data, 3 for RGB.
     #[inline]
     pub fn lambdas(&self) -> usize {

@@ -116,8 +116,7 @@ pub fn export(material: &Material, format: ExportFormat, options: &ExportOptions
     fits::check(material, writer, options, writers())?;
     match writer.write {
         Write::Entry(write) | Write::Entries(write) => {
-            let promised = material.summary().map(|summary| summary.promised_er_l2());
-            kept(write(material, options)?, promised, options)
+            kept(write(material, options)?, material.promised_er_l2(), options)
         }
         Write::Samples(_) => setting(OptionError::Undecoded { format: writer.name }),
     }

@@ -50,7 +50,7 @@ fn pairs(outgoing: &[f64]) -> impl Iterator<Item = (f64, f64)> {
 }
 
 fn every(step: f64, last: f64) -> Vec<f64> {
-    (0..).map(|i| step * f64::from(i)).take_while(|angle| *angle <= last).collect()
+    (0..=360).map(|i| step * f64::from(i)).take_while(|angle| *angle <= last).collect()
 }
 
 /// A scan in the plane of incidence with signed angles, one on the mirror's side, and one without azimuths.

@@ -50,7 +50,7 @@ impl<'a> Table<'a> {
     /// Returns the table if it has as many values as pairs of directions and bands.
     fn checked(self) -> Option<Self> {
         let block = self.incoming.len() * self.block();
-        (block > 0 && self.values.len() % block == 0).then_some(self)
+        (block > 0 && self.values.len().is_multiple_of(block)).then_some(self)
     }
 
     /// Returns true if the outgoing directions have no azimuths, although light comes in obliquely: they lie on one
