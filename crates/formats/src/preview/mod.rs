@@ -75,5 +75,12 @@ pub fn picture(
     }
 }
 
+/// Returns the remark that the wavelengths of a material give no exact colours in its picture; `None` if they do, or if
+/// the material has no wavelengths.
+pub fn colour_remark(material: &Material, viewing: &Viewing) -> Result<Option<String>, PreviewError> {
+    let Some(Axis::Wavelength(grid)) = material.axes().last() else { return Ok(None) };
+    Ok(Channels::of(material, viewing)?.remark(grid))
+}
+
 #[cfg(test)]
 mod tests;

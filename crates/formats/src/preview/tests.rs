@@ -366,3 +366,23 @@ fn impossible_pictures_are_refused() {
         assert_eq!(refused, PreviewError::Colour(ColourError::Dark), "{quantity}");
     }
 }
+
+#[test]
+fn pictures_without_exact_colours_say_so() {
+    let remark = |bands: &[f64]| {
+        let bands = Axis::Wavelength(WavelengthGrid::listed(bands.to_vec()).unwrap());
+        let axes = vec![triangles(Domain::Hemisphere, 1), triangles(Domain::Hemisphere, 2), bands];
+        let paint = material(Quantity::Brdf, Unit::PerSteradian, axes, |i| 0.1 + 0.01 * (i % 3) as f32);
+        colour_remark(&paint, &Viewing::default()).unwrap().unwrap()
+    };
+    assert_eq!(
+        remark(&[450.0, 550.0, 650.0]),
+        "colours are estimated from the 3 wavelengths from 450 to 650 nm; exact ones need 400 to 700 nm in steps of at most \
+         20 nm"
+    );
+    assert!(
+        remark(&[550.0, 670.0, 870.0000001]).starts_with("grey instead of colours, which the 3 wavelengths from 550")
+    );
+    let paint = diffuser(Quantity::Brdf, Domain::Hemisphere);
+    assert_eq!(colour_remark(&paint, &Viewing::default()).unwrap(), None);
+}
