@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
+use super::request::ThreadsArgs;
 use super::viewing::ViewingArgs;
 use crate::domain::Direction;
 use crate::preview::{self, Question};
@@ -26,12 +27,18 @@ pub(crate) struct Args {
     index: Option<List<usize>>,
     #[command(flatten)]
     viewing: ViewingArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let viewing = args.viewing.viewing()?;
     let material = query::open(&args.material)?;
     let question = Question { index: args.index.as_ref().map(|index| index.0.as_slice()), wi: args.wi, wo: args.wo };

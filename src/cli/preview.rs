@@ -1,7 +1,7 @@
 //! `wavelume preview`: a picture of a material.
 
 use super::failure::Failure;
-use super::output::write_file;
+use super::output::{warn, write_file};
 use super::query::{self, List};
 use super::request::ThreadsArgs;
 use super::viewing::ViewingArgs;
@@ -32,12 +32,17 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let viewing = args.viewing.viewing()?;
     let index = args.index.as_ref().map(|index| index.0.as_slice());
-    let picture = args.threads.run(|| {
+    let (picture, remark) = args.threads.run(|| {
         let material = query::open(&args.material)?;
-        let picture = preview::picture(&material, index, &viewing, args.size);
-        picture.map_err(|error| Failure::from(error).about(&args.material))
+        let about = |error| Failure::from(error).about(&args.material);
+        let picture = preview::picture(&material, index, &viewing, args.size).map_err(about)?;
+        Ok::<_, Failure>((picture, preview::colour_remark(&material, &viewing).map_err(about)?))
     })??;
-    write_file(&args.output, &picture)
+    write_file(&args.output, &picture)?;
+    if let Some(remark) = remark {
+        warn(&remark);
+    }
+    Ok(())
 }
 
 fn size(text: &str) -> Result<usize, String> {

@@ -4,6 +4,7 @@ use super::batch::{BatchArgs, Queries};
 use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
+use super::request::ThreadsArgs;
 use crate::domain::Direction;
 use crate::domain::limits::MAX_LEVEL;
 use crate::numeric::random::half_open;
@@ -15,6 +16,7 @@ use std::path::PathBuf;
 const MAX_DIRECTIONS: u64 = 10_000_000;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = NUMBERS)]
 pub(crate) struct Args {
     /// Material (compressed measurement) to draw directions from
     #[arg(value_name = "M.wlm")]
@@ -45,21 +47,35 @@ pub(crate) struct Args {
     /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }
 
-/// Drawn directions `[theta, phi]` in degrees, their probability densities and their weights, as parallel arrays. Where
-/// nothing is emitted or reflected, the direction is null and the numbers are 0.
+/// Drawn directions `[theta, phi]` in degrees, their probability densities in 1/sr and their weights, as parallel
+/// arrays. Where nothing is emitted or reflected, the direction is null and the numbers are 0.
 #[derive(Default, serde::Serialize)]
 struct Answer {
     directions: Vec<Option<[f64; 2]>>,
     pdf: Vec<f64>,
     weight: Vec<f64>,
+    /// Unit of the weights, and of their mean: the flux or albedo.
+    weight_unit: &'static str,
 }
 
+/// Text below the options, on the numbers that the command prints.
+const NUMBERS: &str = "pdf is the density of a drawn direction in 1/sr. weight is the value of the material in it, times \
+    |cos theta_o| for BRDF, BTDF and BSDF, divided by pdf; the value is the mean over the wavelengths, each counted alike \
+    whatever its distance to the next. The mean of many weights is the flux of a light or the albedo of a surface; \
+    weight_unit is their unit, such as mW/nm for a lamp in mW/sr/nm and 1 for a BRDF";
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let material = query::open(&args.material)?;
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
     if let Some(table) = &args.directions {
@@ -79,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     args.batch.check_unused()?;
     let mut random = Pcg64Mcg::seed_from_u64(args.seed);
-    let mut answer = Answer::default();
+    let mut answer = Answer { weight_unit: material.unit().over_directions(), ..Answer::default() };
     for _ in 0..args.count.unwrap_or(0) {
         let u = [half_open(&mut random), half_open(&mut random)];
         let drawn = material.sample(index, args.wi, u, args.level);

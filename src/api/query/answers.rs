@@ -90,9 +90,11 @@ pub(super) struct SampleAnswer {
     directions: Vec<Option<[f64; 2]>>,
     /// Probability densities of the drawn directions in sr⁻¹.
     pdf: Vec<f64>,
-    /// Monte Carlo weights of the drawn directions: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f is the
-    /// mean over wavelengths.
+    /// Monte Carlo weights of the drawn directions: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise. f is the
+    /// mean over the wavelengths, each counted alike whatever its distance to the next.
     weight: Vec<f64>,
+    /// Unit of the weights: that of the material times sr, such as `mW/nm` for a lamp in mW/sr/nm and `1` for a BRDF.
+    weight_unit: &'static str,
 }
 
 /// Values of the answers to a batch, written to JSON as an array with one row of values for each query.
@@ -224,7 +226,9 @@ impl Answers {
             }
             Self::Densities(pdf) => serde_json::to_vec(&PdfAnswer { pdf }),
             Self::Samples(samples) => {
-                let mut answer = SampleAnswer { directions: Vec::new(), pdf: Vec::new(), weight: Vec::new() };
+                let (weight_unit, n) = (material.unit().over_directions(), samples.len());
+                let (directions, pdf, weight) = (Vec::with_capacity(n), Vec::with_capacity(n), Vec::with_capacity(n));
+                let mut answer = SampleAnswer { directions, pdf, weight, weight_unit };
                 for drawn in &samples {
                     let SampleLine { direction, pdf, weight } = SampleLine::of(drawn.as_ref());
                     answer.directions.push(direction);

@@ -4,6 +4,7 @@ mod compress;
 mod directories;
 mod doctor;
 mod evaluate;
+mod help;
 mod keys;
 mod materials;
 mod refusals;
