@@ -112,7 +112,7 @@ enum Command {
     Sample(sample::Args),
     /// Compute the colour of a material: XYZ, Lab, sRGB
     Color(color::Args),
-    /// Draw a material: a ball, a polar diagram or a plot, as PNG
+    /// Draw a material: a ball, a polar diagram or a plot, as PNG or SVG
     Preview(preview::Args),
     /// Report the energy, flux and reciprocity of a material
     Physics(physics::Args),
@@ -346,7 +346,7 @@ mod tests {
             assert!(message.ends_with("(see --help)") && !message.contains('\n'), "{message}");
         }
         let message = read(&["wavelume", "preview", "in.wlm"]).unwrap_err().to_string();
-        assert!(message.contains("required arguments were not provided: --output <P.png>"), "{message}");
+        assert!(message.contains("required arguments were not provided: --output <P.png|svg>"), "{message}");
         let message = read(&["wavelume", "--log-format", "json"]).unwrap_err().to_string();
         assert!(!message.contains(crate::jobs::COMPUTE_JOB) && !message.contains("evaluate"), "{message}");
     }

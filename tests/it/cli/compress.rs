@@ -250,8 +250,9 @@ fn colours_are_promised_and_reported() {
     let lamp = data("aerolamp.csv");
     let refusal = refused(2, &["compress", &lamp, "-o", &out, "--delta-e", "1"]);
     assert!(
-        refusal.contains("--delta-e: colour differences of this measurement cannot be computed: wavelengths from 199.998 to")
-            && refusal.contains("at least 400 to 700 nm"),
+        refusal.contains(
+            "--delta-e: colour differences of this measurement cannot be computed: wavelengths from 199.998 to"
+        ) && refusal.contains("at least 400 to 700 nm"),
         "{refusal}"
     );
     let refusal = refused(2, &[&line[..], &["--policy", "conventional"]].concat());
