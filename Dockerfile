@@ -3,6 +3,8 @@ FROM rust:1.95-slim AS build
 RUN apt-get update && apt-get install -y --no-install-recommends gcc libc6-dev && rm -rf /var/lib/apt/lists/*
 WORKDIR /build
 COPY . .
+# The commit that `wavelume --version` shows: docker build --build-arg WAVELUME_COMMIT=$(git rev-parse HEAD) .
+ARG WAVELUME_COMMIT
 RUN cargo build --locked --release && strip -o /wavelume target/release/wavelume
 
 FROM debian:stable-slim

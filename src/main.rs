@@ -20,9 +20,11 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             // The hook above has reported a bug; a closed stderr has no reader.
-            if !matches!(failure, Failure::Closed | Failure::Bug) {
-                let _ = writeln!(std::io::stderr(), "wavelume: {failure}");
-            }
+            let _ = match &failure {
+                Failure::Closed | Failure::Bug => Ok(()),
+                Failure::Help(text) => write!(std::io::stderr(), "{text}"),
+                _ => writeln!(std::io::stderr(), "wavelume: {failure}"),
+            };
             ExitCode::from(failure.exit_code())
         }
     }

@@ -1,5 +1,6 @@
 //! Description of the interface: the parts that utoipa derives from the handlers, and the problems of each operation.
 
+use super::examples;
 use super::flattened::{flatten, prune};
 use super::needs::{Need, need};
 use super::problem::{Kind, ProblemBody};
@@ -173,6 +174,7 @@ pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
         ];
         for (method, operation) in operations {
             let Some(operation) = operation else { continue };
+            examples::add(operation);
             let need = need(method, path).unwrap_or(Need::Instance);
             let name = operation.operation_id.as_deref().unwrap_or_default();
             for (status, kinds) in problems(name, need) {

@@ -14,6 +14,7 @@ mod decisions;
 mod description;
 mod descriptors;
 mod events;
+mod examples;
 mod expiring;
 mod export;
 mod export_description;

@@ -10,7 +10,7 @@ use super::schemas::{Binary, IlluminantText, IndexText, ObserverText};
 use super::seen::seen;
 use super::state::{App, Service};
 use crate::jobs::Text;
-use crate::preview::{DEFAULT_SIZE, SIZES, picture};
+use crate::preview::{DEFAULT_SIZE, Look, SIZES, Style, picture};
 use crate::store::Digest;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -18,6 +18,10 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+
+/// Largest size of a picture that is drawn on request, in pixels along a side; the command line draws larger ones.
+/// Raising it lets a request take more memory and time.
+const LARGEST: usize = 512;
 
 /// HTTP routes of preview pictures of materials.
 pub(crate) fn routes() -> OpenApiRouter<Service> {
@@ -32,6 +36,9 @@ struct PreviewQuery {
     /// Width and height of the picture in pixels, 64 to 512. Default: 256.
     #[param(value_type = Option<u32>, minimum = 64, maximum = 512)]
     size: Option<usize>,
+    /// Style of a diagram: `dark` (the default) or `light`, dark lines on white for data sheets.
+    #[param(value_type = Option<String>, pattern = "^(dark|light)$")]
+    style: Option<String>,
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. Default: the first
     /// position, or every column of a spectral table.
     #[param(value_type = Option<IndexText>)]
@@ -67,22 +74,30 @@ async fn preview(
 ) -> Result<Response, Problem> {
     let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
     let size = query.size.unwrap_or(DEFAULT_SIZE);
-    if !SIZES.contains(&size) {
-        return Err(bad(format!("size: found {size}, expected {} to {} pixels", SIZES.start(), SIZES.end())));
+    if !(*SIZES.start()..=LARGEST).contains(&size) {
+        return Err(bad(format!("size: found {size}, expected {} to {LARGEST} pixels", SIZES.start())));
     }
+    let style = match query.style.as_deref() {
+        None => Style::default(),
+        Some(name) => Style::ALL
+            .into_iter()
+            .find(|style| style.name() == name)
+            .ok_or_else(|| bad(format!("style: found `{name}`, expected dark or light")))?,
+    };
     let index = query.index.as_deref().map(indices).transpose().map_err(bad)?;
     let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?.within(&caller)?;
     let seen = seen(&app, id).await?;
     let material = open(&seen.app, id).await?;
     let in_stored_light = asked.has_stored();
     // The version is part of the key: another version may draw another picture.
-    let what = format!("{id} {size} {index:?} {} {}", asked.key(), env!("CARGO_PKG_VERSION"));
+    let what = format!("{id} {size} {} {index:?} {} {}", style.name(), asked.key(), env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
     let mut response = if not_modified(&headers, &etag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         let sources = asked.open(&app).await?;
-        let work = move || Ok::<_, Problem>(picture(&material, index.as_deref(), &sources.viewing()?, size)?);
+        let look = Look { size, style, ..Look::default() };
+        let work = move || Ok::<_, Problem>(picture(&material, index.as_deref(), &sources.viewing()?, look)?);
         let png = app.engine.queries.run(work).await??;
         ([(header::CONTENT_TYPE, HeaderValue::from_static("image/png"))], png).into_response()
     };

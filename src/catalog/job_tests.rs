@@ -373,7 +373,7 @@ async fn a_job_that_is_queued_again_waits_behind_others_and_within_the_limits() 
         catalog.change_tenant(catalog.tenant(), &limit(Some(3))).await.unwrap();
         assert!(matches!(catalog.retry("1", 9).await.unwrap(), Retried::Queued(_)));
         let Retried::Over(over) = catalog.retry("2", 9).await.unwrap() else { panic!() };
-        assert_eq!(over, OverQuota { what: Limited::Queued, limit: 3, used: 3 });
+        assert_eq!(over, OverQuota { what: Limited::Queued, limit: 3, used: 3, added: 1 });
         assert_eq!(state_of(&catalog, "2").await, JobState::Failed);
         catalog.change_tenant(catalog.tenant(), &limit(None)).await.unwrap();
         let mut started = Vec::new();

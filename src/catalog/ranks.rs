@@ -101,7 +101,7 @@ impl Catalog {
             let limit = most.max(0) as u64;
             let used = self.waiting(write, limit).await?;
             if used >= limit {
-                return Ok(Admitted::Over(OverQuota { what: Limited::Queued, limit, used }));
+                return Ok(Admitted::Over(OverQuota { what: Limited::Queued, limit, used, added: 1 }));
             }
         }
         if self.is_full(write, most).await? {

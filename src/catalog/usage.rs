@@ -31,6 +31,8 @@ pub(crate) struct OverQuota {
     pub limit: u64,
     /// Amount that the tenant used before the request, in bytes, materials or waiting jobs.
     pub used: u64,
+    /// Amount that the request would add, in bytes, materials or waiting jobs.
+    pub added: u64,
 }
 
 /// Kind of resource of which a tenant may have a limited amount.
@@ -54,11 +56,17 @@ pub(super) struct Change {
 
 impl fmt::Display for OverQuota {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { what, limit, used } = self;
+        let Self { what, limit, used, added } = self;
         match what {
-            Limited::Bytes => {
-                write!(f, "the tenant uses {used} of {limit} bytes; delete measurements or materials first")
-            }
+            Limited::Bytes if added > limit => write!(
+                f,
+                "{added} bytes are more than the tenant may store in all, {limit}; ask the operator for a larger quota"
+            ),
+            Limited::Bytes => write!(
+                f,
+                "the tenant uses {used} of {limit} bytes, and {added} more do not fit; delete measurements or materials \
+                 first"
+            ),
             Limited::Materials => write!(f, "the tenant has {used} of {limit} materials; delete one of them first"),
             Limited::Queued => write!(f, "{used} of {limit} jobs of the tenant are waiting already"),
         }
@@ -131,7 +139,7 @@ fn over(row: &sqlx::any::AnyRow, added: [u64; 2]) -> Result<Option<OverQuota>, C
         let used = row.try_get::<i64, _>(at + 2)?.max(0) as u64;
         let Some(limit) = limit.map(|limit| limit.max(0) as u64) else { continue };
         if added[at] > 0 && used.saturating_add(added[at]) > limit {
-            return Ok(Some(OverQuota { what, limit, used }));
+            return Ok(Some(OverQuota { what, limit, used, added: added[at] }));
         }
     }
     Ok(None)
@@ -238,11 +246,17 @@ mod tests {
             }
             let long = measurement("another of 16 B!");
             let claim = publish(&catalog, long.content, 16).await;
-            let over = OverQuota { what: Limited::Bytes, limit: 30, used: 16 };
+            let over = OverQuota { what: Limited::Bytes, limit: 30, used: 16, added: 16 };
+            assert_eq!(
+                over.to_string(),
+                "the tenant uses 16 of 30 bytes, and 16 more do not fit; delete measurements or materials first"
+            );
+            let huge = catalog.lacks_room(31, 0).await.unwrap().unwrap().to_string();
+            assert!(huge.starts_with("31 bytes are more than the tenant may store in all, 30; ask"), "{huge}");
             assert!(
                 matches!(catalog.add_measurement(&long, &claim).await.unwrap(), Added::Over(found) if found == over)
             );
-            assert_eq!(catalog.lacks_room(15, 0).await.unwrap(), Some(over));
+            assert_eq!(catalog.lacks_room(15, 0).await.unwrap(), Some(OverQuota { added: 15, ..over }));
             assert_eq!(catalog.lacks_room(14, 0).await.unwrap(), None);
             assert!(catalog.measurement(long.id).await.unwrap().is_none() && used(&catalog).await == (16, 0));
             assert!(add(&all, &long).await.1, "another tenant has no limit");
@@ -257,7 +271,7 @@ mod tests {
             assert_eq!(used(&catalog).await, (26, 1));
             assert_eq!(catalog.delete_measurement(lamp.id).await.unwrap(), Deleted::Done);
             assert_eq!(used(&catalog).await, (10, 1), "a deletion counts at once");
-            let over = OverQuota { what: Limited::Materials, limit: 1, used: 1 };
+            let over = OverQuota { what: Limited::Materials, limit: 1, used: 1, added: 1 };
             assert_eq!(catalog.lacks_room(1, 1).await.unwrap(), Some(over));
             assert_eq!(store("two").await, Uploaded::Over(over));
             assert_eq!(catalog.delete_material(Digest::of(b"one")).await.unwrap(), Deleted::Done);

@@ -4,6 +4,7 @@ use super::failure::Failure;
 use super::opened::{Made, Opened};
 use super::output::print_json;
 use super::query::{self, List, LuminaireArgs};
+use super::request::ThreadsArgs;
 use super::viewing::ViewingArgs;
 use crate::domain::Direction;
 use crate::preview::{self, Colours, Question};
@@ -30,6 +31,8 @@ pub(crate) struct Args {
     index: Option<List<usize>>,
     #[command(flatten)]
     viewing: ViewingArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
@@ -45,6 +48,10 @@ struct Answer {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let viewing = args.viewing.viewing()?;
     let (material, compressed_in_memory) = Opened::open(&args.material)?;
     let wo = args.luminaire.outgoing(args.wo, &material).map_err(|failure| failure.about(&args.material))?;

@@ -1,26 +1,33 @@
 //! `wavelume compress`: a measurement → a material and its report.
 
+use super::declared::as_typed;
+use super::destination::{destinations, make_directory};
 use super::failure::Failure;
 use super::guard::Outputs;
-use super::input::MeasurementArgs;
-use super::output::{print, print_json, warn, write_file};
+use super::input::Loaded;
+use super::output::{complain, print, print_json, warn, write_file};
+use super::reading::ReadingArgs;
 use super::report::compressed_sheet;
 use super::request::{RequestArgs, ThreadsArgs};
 use crate::domain::Progress;
 use crate::formats::NoteKind;
 use crate::pipeline::{self, Report};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
+    /// Input files in any format that `wavelume formats` lists; the content decides the format, not the name; - is
+    /// stdin
+    #[arg(value_name = "IN", required = true)]
+    inputs: Vec<PathBuf>,
     #[command(flatten)]
-    measurement: MeasurementArgs,
-    /// Material (compressed measurement) to write; an existing file is replaced as a whole
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
+    reading: ReadingArgs,
+    /// Material (compressed measurement) to write, or a directory for NAME.wlm of each input file; an existing file is
+    /// replaced as a whole [default: NAME.wlm beside each input file]
+    #[arg(short, long, value_name = "OUT.wlm|DIR/")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     request: RequestArgs,
     #[command(flatten)]
@@ -40,13 +47,40 @@ struct Answer<'a> {
 
 impl Args {
     pub(super) fn outputs(&self) -> Outputs {
-        Outputs::material(&self.output)
+        // Two inputs with one destination are refused by the command itself.
+        let paths = destinations(&self.inputs, self.output.as_deref()).unwrap_or_default();
+        Outputs { paths, ..Outputs::material(Path::new("")) }
     }
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let outputs = destinations(&args.inputs, args.output.as_deref())?;
+    make_directory(args.output.as_deref())?;
+    if let ([input], [output]) = (&args.inputs[..], &outputs[..]) {
+        return one(args, input, output);
+    }
+    // A file at fault does not keep the others from being compressed.
+    let mut failed = 0;
+    for (input, output) in args.inputs.iter().zip(&outputs) {
+        match one(args, input, output) {
+            Ok(()) => {}
+            Err(Failure::Closed) => return Err(Failure::Closed),
+            Err(failure) => {
+                complain(&failure);
+                failed += 1;
+            }
+        }
+    }
+    match failed {
+        0 => Ok(()),
+        n => Err(Failure::failed(format!("{n} of {} files were not compressed", outputs.len()))),
+    }
+}
+
+/// Compresses one measurement file to a material and reports on it.
+fn one(args: &Args, input: &Path, output: &Path) -> Result<(), Failure> {
     let request = args.request.request();
-    let loaded = args.measurement.load(request.wavelengths.clone())?;
+    let loaded = Loaded::of(input, &args.reading, request.wavelengths.clone())?;
     let file_bytes = loaded.bytes().len() as u64;
     let start = Instant::now();
     let bar = Bar::new();
@@ -57,19 +91,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         pipeline::compress(&source, &request, &bar)
     })?;
     bar.finish();
-    let outcome = outcome.map_err(|error| Failure::from(error).about(&args.measurement.input))?;
+    let outcome = outcome.map_err(|error| Failure::from(error).about(input))?;
     let seconds = start.elapsed().as_secs_f64();
-    write_file(&args.output, &outcome.bytes)?;
-    // A terminal shows the notes of the report; other outputs need the warnings on stderr.
-    if args.json || !std::io::stdout().is_terminal() {
+    write_file(output, &outcome.bytes)?;
+    // The report in words has them already.
+    if args.json {
         for note in outcome.report.notes.iter().filter(|note| note.kind == NoteKind::Warning) {
-            warn(&note.message);
+            warn(&as_typed(&note.message));
         }
     }
     if args.json {
         return print_json(&Answer { report: &outcome.report, seconds });
     }
-    let heading = format!("{} -> {}", args.measurement.input.display(), args.output.display());
+    let heading = format!("{} -> {}", input.display(), output.display());
     let mut sheet = compressed_sheet(&outcome.report, file_bytes);
     sheet.line("seconds", format!("{seconds:.2}"));
     print(&sheet.render(&heading))

@@ -1,6 +1,11 @@
 //! Arguments of the command line, derived from declared options.
 
+use crate::compress::Target;
 use crate::domain::{Declared, Values};
+use crate::evaluate::{BEYOND, INTERPOLATION};
+use crate::export::ExportOptions;
+use crate::formats::Interpretation;
+use crate::pipeline::Request;
 use clap::builder::ValueParser;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
@@ -125,5 +130,49 @@ pub(super) use declared_args;
 
 /// Makes the usage error that rejects a value on the command line.
 pub(super) fn refusal(error: impl std::fmt::Display) -> clap::Error {
-    clap::Error::raw(ErrorKind::ValueValidation, error)
+    clap::Error::raw(ErrorKind::ValueValidation, as_typed(&error.to_string()))
+}
+
+/// Returns a message of the library with the names of options as the command line has them: `--albedo-error` for
+/// `albedo_error`, `--member` for `the option member`. Quoted names of fields in files stay as they are.
+pub(super) fn as_typed(message: &str) -> String {
+    let lists = [Request::OPTIONS, Target::DECLARED, Interpretation::OPTIONS, ExportOptions::OPTIONS];
+    let shared = [&INTERPOLATION, &BEYOND];
+    let mut text = String::with_capacity(message.len());
+    for word in message.split_inclusive(' ') {
+        let name = word.trim_matches(|c: char| c.is_whitespace() || "`,;:.()".contains(c));
+        let declared = lists.into_iter().flatten().chain(shared).find(|declared| declared.name == name);
+        let before = text.strip_suffix("the option ").or_else(|| text.strip_suffix("option ")).map(str::len);
+        let is_member = name.contains('_') && !word.contains('`');
+        match declared.filter(|_| before.is_some() || is_member) {
+            Some(declared) => {
+                text.truncate(before.unwrap_or(text.len()));
+                text.push_str(&word.replace('`', "").replace(name, &format!("--{}", long(declared))));
+            }
+            None => text.push_str(word),
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_in_messages_are_named_as_they_are_typed() {
+        for (message, typed) in [
+            ("the option albedo_error cannot be used: x", "--albedo-error cannot be used: x"),
+            ("leave albedo_error out", "leave --albedo-error out"),
+            ("ask for er_l2 0.13 or more, or lossless", "ask for --er-l2 0.13 or more, or lossless"),
+            ("give a finer outgoing_level (or incoming_level)", "give a finer --outgoing-level (or --incoming-level)"),
+            ("expected the option member, the name of one: `a`", "expected --member, the name of one: `a`"),
+            ("the field or the option `quantity`: brdf", "the field or --quantity: brdf"),
+            ("option step: found 0", "--step: found 0"),
+            ("`wavelength_unit` is not stated", "`wavelength_unit` is not stated"),
+            ("/tmp/er_l2/a.ies: theta_o of quantity x", "/tmp/er_l2/a.ies: theta_o of quantity x"),
+        ] {
+            assert_eq!(as_typed(message), typed);
+        }
+    }
 }

@@ -8,6 +8,8 @@ use super::serve;
 use crate::api::{AuthMode, Stop};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 #[derive(Debug, clap::Args)]
@@ -95,9 +97,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             args.site.data.places.directory.display()
         ))?;
         let (end, ended) = tokio::sync::oneshot::channel::<()>();
+        let is_stopped = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&is_stopped);
         let mut service = tokio::spawn(server.run(async move {
             tokio::select! {
-                how = stop => how,
+                how = stop => {
+                    told.store(true, Ordering::Release);
+                    how
+                }
                 _ = ended => Stop::AtOnce,
             }
         }));
@@ -105,6 +112,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             shown = exhibit(&base) => shown,
             early = &mut service => return ended_well(early),
         };
+        if shown.is_err() && is_stopped.load(Ordering::Acquire) {
+            // The user has stopped the service while it worked: requests to it fail.
+            return ended_well(service.await);
+        }
         if shown.is_err() || args.once {
             // The receiver is gone only if the service has ended already.
             let _ = end.send(());

@@ -4,7 +4,7 @@ use super::declared::{all_stated, argument, declared_args, refusal};
 use super::failure::Failure;
 use super::guard::{Outputs, manifest_of_array};
 use super::opened::Opened;
-use super::output::{Sheet, count, per_cent, print, print_json, warn, write_file};
+use super::output::{Sheet, count, counted, per_cent, print, print_json, warn, write_file};
 use super::request::ThreadsArgs;
 use crate::compress::{self, Decoded};
 use crate::domain::{Axis, Declared};
@@ -166,7 +166,10 @@ fn sheet(summary: &Summary, bytes: usize) -> Sheet {
     if error.mask_mismatches > 0 {
         sheet.line(
             "error added",
-            format!("{} samples are masked only in the file or only in the material", count(error.mask_mismatches)),
+            format!(
+                "{} with a value in only one of the two, file and material",
+                counted(error.mask_mismatches, "sample")
+            ),
         );
     }
     let places = if error.pairs == export::PAIRS { "pairs of directions" } else { "places" };

@@ -1,5 +1,6 @@
 //! Failure of a command: one line for stderr and an exit code.
 
+use super::declared::as_typed;
 use crate::algebra::AlgebraError;
 use crate::compress::{CompressError, DecodeError};
 use crate::evaluate::EvaluateError;
@@ -15,6 +16,8 @@ use std::path::Path;
 pub enum Failure {
     /// The command line does not fit the command or the file: exit code 2.
     Usage(String),
+    /// The command line names no command: the help, shown on stderr as it is, with exit code 2.
+    Help(String),
     /// A failure that is neither wrong usage nor an internal error: exit code 1.
     Failed(String),
     /// The program that reads standard output has closed it: exit code 0 without a message.
@@ -37,7 +40,7 @@ impl Failure {
     /// Returns the exit code of the process for this failure.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) => 2,
+            Self::Usage(_) | Self::Help(_) => 2,
             Self::Failed(_) | Self::Bug => 1,
             Self::Closed => 0,
         }
@@ -49,16 +52,18 @@ impl Failure {
         match self {
             Self::Usage(message) => Self::Usage(format!("{}: {message}", path.display())),
             Self::Failed(message) => Self::Failed(format!("{}: {message}", path.display())),
-            Self::Closed | Self::Bug => self,
+            Self::Help(_) | Self::Closed | Self::Bug => self,
         }
     }
 }
 
 impl fmt::Display for Failure {
-    /// Writes the message of a failed command as one line, even if the message quotes text with line breaks.
+    /// Writes the message of a failed command as one line, even if the message quotes text with line breaks. The help
+    /// keeps its lines.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Usage(message) | Self::Failed(message) => f.write_str(&one_line(message)),
+            Self::Help(text) => f.write_str(text),
             Self::Closed => f.write_str("output closed"),
             Self::Bug => f.write_str("internal error"),
         }
@@ -78,32 +83,34 @@ impl From<PipelineError> for Failure {
             PipelineError::Format(refusal) | PipelineError::Spectrum(refusal)
                 if refusal.kind == FormatErrorKind::NeedsOption =>
             {
-                Self::usage(error)
+                Self::usage(as_typed(&error.to_string()))
             }
             PipelineError::Wavelengths(_)
             | PipelineError::Unbounded(_)
-            | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(error),
+            | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(as_typed(&error.to_string())),
             PipelineError::Format(_)
             | PipelineError::Spectrum(_)
             | PipelineError::Projection(_)
             | PipelineError::Opened(_)
             | PipelineError::Strict(_)
-            | PipelineError::Compress(_) => Self::failed(error),
+            | PipelineError::Compress(_) => Self::failed(as_typed(&error.to_string())),
         }
     }
 }
 
 impl From<DecodeError> for Failure {
     fn from(error: DecodeError) -> Self {
-        Self::failed(error)
+        Self::failed(as_typed(&error.to_string()))
     }
 }
 
 impl From<EvaluateError> for Failure {
     fn from(error: EvaluateError) -> Self {
         match error {
-            EvaluateError::Decode(_) => Self::failed(error),
-            EvaluateError::Query(_) | EvaluateError::Axes(_) | EvaluateError::Tensor(_) => Self::usage(error),
+            EvaluateError::Decode(_) => Self::failed(as_typed(&error.to_string())),
+            EvaluateError::Query(_) | EvaluateError::Axes(_) | EvaluateError::Tensor(_) => {
+                Self::usage(as_typed(&error.to_string()))
+            }
         }
     }
 }
@@ -111,8 +118,10 @@ impl From<EvaluateError> for Failure {
 impl From<AlgebraError> for Failure {
     fn from(error: AlgebraError) -> Self {
         match error {
-            AlgebraError::Compress(CompressError::Setting(_)) | AlgebraError::Unlike { .. } => Self::usage(error),
-            _ => Self::failed(error),
+            AlgebraError::Compress(CompressError::Setting(_)) | AlgebraError::Unlike { .. } => {
+                Self::usage(as_typed(&error.to_string()))
+            }
+            _ => Self::failed(as_typed(&error.to_string())),
         }
     }
 }
@@ -122,9 +131,13 @@ impl From<ExportError> for Failure {
         match error {
             ExportError::Evaluate(error) => error.into(),
             ExportError::Colour(error) => error.into(),
-            ExportError::Format(error) if error.kind == FormatErrorKind::OverLimit => Self::usage(error),
-            ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit { .. } => Self::usage(error),
-            ExportError::Format(_) | ExportError::Strict(_) => Self::failed(error),
+            ExportError::Format(error) if error.kind == FormatErrorKind::OverLimit => {
+                Self::usage(as_typed(&error.to_string()))
+            }
+            ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit { .. } => {
+                Self::usage(as_typed(&error.to_string()))
+            }
+            ExportError::Format(_) | ExportError::Strict(_) => Self::failed(as_typed(&error.to_string())),
         }
     }
 }
@@ -133,8 +146,8 @@ impl From<PreviewError> for Failure {
     fn from(error: PreviewError) -> Self {
         match error {
             PreviewError::Evaluate(error) => error.into(),
-            PreviewError::Question(_) => Self::usage(error),
-            PreviewError::Colour(_) | PreviewError::Encode(_) => Self::failed(error),
+            PreviewError::Question(_) => Self::usage(as_typed(&error.to_string())),
+            PreviewError::Colour(_) | PreviewError::Encode(_) => Self::failed(as_typed(&error.to_string())),
         }
     }
 }

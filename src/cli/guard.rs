@@ -13,7 +13,7 @@ use wavelume_formats::manifest_beside;
 /// Id of the option `--output`; the value of any other option or argument that takes a path is read.
 const OUTPUT: &str = "output";
 
-/// Suffixes of pictures, of which only PNG is written.
+/// Suffixes of pictures, of which PNG and SVG are written.
 const PICTURES: [&str; 14] =
     ["png", "svg", "jpg", "jpeg", "gif", "bmp", "tif", "tiff", "webp", "avif", "exr", "hdr", "pdf", "eps"];
 

@@ -11,7 +11,8 @@ use wavelume_formats::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside};
 /// Measurement file to read, and options for the facts that it does not state.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MeasurementArgs {
-    /// Input file in any format that `wavelume formats` lists; the content decides the format, not the name
+    /// Input file in any format that `wavelume formats` lists; the content decides the format, not the name; - is
+    /// stdin
     #[arg(value_name = "IN")]
     pub(crate) input: PathBuf,
     #[command(flatten)]
@@ -30,26 +31,28 @@ impl MeasurementArgs {
     /// Reads the files that the command line names. `wavelengths` (`START:STOP:STEP` in nm) serve an array whose
     /// manifest names the wavelength axis `"lambda"` without values.
     pub(crate) fn load(&self, wavelengths: Option<String>) -> Result<Loaded, Failure> {
-        let bytes = read_file(&self.input)?;
-        let spectrum = self.reading.spectrum().map(read_file).transpose()?;
-        Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
+        Loaded::of(&self.input, &self.reading, wavelengths)
     }
 
     /// Returns true if the command line does not name a file to read from a zip archive.
     pub(crate) fn names_no_member(&self) -> bool {
         self.reading.stated().member.is_none()
     }
-
-    fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
-        let axes = match self.reading.axes() {
-            Some(path) => Some(read_manifest(path)?),
-            None => read_manifest_beside(&self.input)?,
-        };
-        Ok(Interpretation { axes, wavelengths, ..self.reading.stated().clone() })
-    }
 }
 
 impl Loaded {
+    /// Reads the measurement file `input` and the files that the reading options name; see [`MeasurementArgs::load`].
+    pub(crate) fn of(input: &Path, reading: &ReadingArgs, wavelengths: Option<String>) -> Result<Self, Failure> {
+        let bytes = read_file(input)?;
+        let spectrum = reading.spectrum().map(read_file).transpose()?;
+        let axes = match reading.axes() {
+            Some(path) => Some(read_manifest(path)?),
+            None => read_manifest_beside(input)?,
+        };
+        let interpretation = Interpretation { axes, wavelengths, ..reading.stated().clone() };
+        Ok(Self { bytes, spectrum, interpretation })
+    }
+
     /// Returns the bytes of the measurement file.
     pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
@@ -83,9 +86,22 @@ fn read_manifest(path: &Path) -> Result<serde_json::Value, Failure> {
         .map_err(|error| Failure::failed(format!("the manifest is not valid JSON: {error}")).about(path))
 }
 
-/// Reads a whole file. A file of more than `limit` bytes is refused.
+/// Path that stands for standard input.
+const STDIN: &str = "-";
+
+/// Returns true if a path stands for standard input.
+pub(crate) fn is_stdin(path: &Path) -> bool {
+    path.as_os_str() == STDIN
+}
+
+/// Reads a whole file, or standard input for the path `-`. More than `limit` bytes are refused.
 pub(crate) fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, Failure> {
-    wavelume_formats::read_within(path, limit).map_err(|error| Failure::Failed(describe(&error)).about(path))
+    let read = if is_stdin(path) {
+        wavelume_formats::read_stream_within(std::io::stdin().lock(), limit)
+    } else {
+        wavelume_formats::read_within(path, limit)
+    };
+    read.map_err(|error| Failure::Failed(describe(&error)).about(path))
 }
 
 /// Describes an I/O error for a user.

@@ -8,7 +8,7 @@ use super::report::{
     axes_lines, coefficient_line, coverage_lines, error_lines, labelled, level_lines, note_lines, sample_lines,
     stated_fit_lines,
 };
-use super::request::AxesArgs;
+use super::request::{AxesArgs, ThreadsArgs};
 use crate::compress;
 use crate::domain::{Axis, ErrorReport, Lobe, Measurement, Quantity, Sampling, Unit};
 use crate::formats;
@@ -23,12 +23,18 @@ pub(crate) struct Args {
     measurement: MeasurementArgs,
     #[command(flatten)]
     axes: AxesArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// Print the description of the file as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let request = args.axes.request();
     let loaded = args.measurement.load(request.wavelengths.clone())?;
     let about = |failure: Failure| failure.about(&args.measurement.input);

@@ -8,15 +8,17 @@ use super::runtime::block_on;
 use super::site::ConfigArg;
 use super::tls::TrustArg;
 use crate::catalog::Priority;
-use reqwest::Client;
 use reqwest::header::{AUTHORIZATION, HeaderValue};
+use reqwest::{Client, StatusCode};
 use serde::Deserialize;
 use serde_json::Value;
-use std::time::Duration;
+use std::collections::HashMap;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Command line of `wavelume jobs`, which acts on the jobs of a running service.
 #[derive(Debug, clap::Args)]
 #[command(
+    arg_required_else_help = true,
     after_help = "Each command sends the access key in the environment variable WAVELUME_KEY, which a service with keys needs"
 )]
 pub(crate) struct Args {
@@ -93,6 +95,8 @@ struct Shown {
     state: String,
     priority: Priority,
     progress: f64,
+    measurement: Option<String>,
+    created_ms: i64,
     material: Option<String>,
     report: Option<String>,
     problem: Option<ShownProblem>,
@@ -108,6 +112,24 @@ impl Shown {
     fn of(job: Value) -> Result<Self, Failure> {
         let unfit = |error| Failure::failed(format!("found a job description that this program cannot read: {error}"));
         serde_json::from_value(job).map_err(unfit)
+    }
+
+    /// Returns the row of the job in the list, at the time `now` in milliseconds since the Unix epoch. `names` has the
+    /// names of measurements.
+    fn cells(self, names: &HashMap<String, String>, now: i64) -> [String; HEADINGS.len()] {
+        let priority = match self.priority {
+            Priority::Urgent => "urgent",
+            Priority::Usual => "usual",
+            Priority::Batch => "batch",
+        };
+        // The other kind of job reads no measurement.
+        let kind = if self.measurement.is_some() { "compress" } else { "paper" };
+        let of = self.measurement.and_then(|id| names.get(&id).cloned()).unwrap_or_default();
+        let made = self.material.or(self.report).or(self.problem.map(|problem| problem.detail)).unwrap_or_default();
+        let progress = format!("{:.0} %", 100.0 * self.progress);
+        // One width lines up lists of any age alike.
+        let age = format!("{:>6}", age(now - self.created_ms));
+        [self.id, kind.to_owned(), self.state, priority.to_owned(), progress, age, of, made]
     }
 }
 
@@ -144,20 +166,51 @@ async fn show(list: &List) -> Result<(), Failure> {
     if list.json {
         return print_json(&jobs);
     }
+    let jobs = jobs.into_iter().map(Shown::of).collect::<Result<Vec<_>, _>>()?;
+    let names = names(&client, &list.service.address.url, &jobs).await?;
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as i64;
     let is_empty = jobs.is_empty();
-    let mut table = Table::new(&["job", "state", "priority", ">progress", "material, report or problem"]);
+    let mut table = Table::new(&HEADINGS);
     for job in jobs {
-        let job = Shown::of(job)?;
-        let priority = match job.priority {
-            Priority::Urgent => "urgent",
-            Priority::Usual => "usual",
-            Priority::Batch => "batch",
-        };
-        let progress = format!("{:.0} %", 100.0 * job.progress);
-        let made = job.material.or(job.report).or(job.problem.map(|problem| problem.detail));
-        table.row([job.id, job.state, priority.to_owned(), progress, made.unwrap_or_default()]);
+        table.row(job.cells(&names, now));
     }
     print(&if is_empty { "no jobs\n".to_owned() } else { table.render() })
+}
+
+/// Headings of the list of jobs. `age` is the time since a job was created.
+const HEADINGS: [&str; 8] =
+    ["job", "kind", "state", "priority", ">progress", ">age", "measurement", "material, report or problem"];
+
+/// Fetches the names of the measurements that jobs read, by id. A measurement that was deleted has none.
+async fn names(client: &Client, base: &str, jobs: &[Shown]) -> Result<HashMap<String, String>, Failure> {
+    let mut names = HashMap::new();
+    for id in jobs.iter().filter_map(|job| job.measurement.as_ref()) {
+        if names.contains_key(id) {
+            continue;
+        }
+        let answer = send(client.get(format!("{base}/v1/measurements/{id}"))).await?;
+        let is_gone = matches!(answer.status(), StatusCode::NOT_FOUND | StatusCode::GONE);
+        let found = if is_gone { Value::Null } else { read(answer).await? };
+        let name = found["name"].as_str().or(found["file_name"].as_str());
+        names.insert(id.clone(), name.map_or_else(|| short(id), str::to_owned));
+    }
+    Ok(names)
+}
+
+/// Returns the beginning of an id, enough to recognise it: `b3-f4fa294e…`.
+fn short(id: &str) -> String {
+    id.chars().take(11).chain(['…']).collect()
+}
+
+/// Formats an age in its largest whole unit: `12 s`, `3 min`, `2 h`, `4 d`.
+fn age(ms: i64) -> String {
+    let seconds = ms.max(0) / 1000;
+    match seconds {
+        0..60 => format!("{seconds} s"),
+        60..3600 => format!("{} min", seconds / 60),
+        3600..86_400 => format!("{} h", seconds / 3600),
+        _ => format!("{} d", seconds / 86_400),
+    }
 }
 
 async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
@@ -189,5 +242,27 @@ impl ServiceArgs {
             builder = builder.default_headers([(AUTHORIZATION, value)].into_iter().collect());
         }
         self.trust.client(builder)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_job_is_listed_with_its_kind_age_and_measurement() {
+        let names = HashMap::from([("b3-1".to_owned(), "office lamp".to_owned())]);
+        let row = |measurement: Value, created_ms: i64| {
+            let job = json!({
+                "id": "j", "state": "running", "priority": 0, "progress": 0.064, "measurement": measurement,
+                "created_ms": created_ms, "material": null, "report": null, "problem": null,
+            });
+            Shown::of(job).unwrap().cells(&names, 90_000).join("|")
+        };
+        assert_eq!(row(json!("b3-1"), 20_000), "j|compress|running|usual|6 %| 1 min|office lamp|");
+        assert_eq!(row(Value::Null, 90_001), "j|paper|running|usual|6 %|   0 s||");
+        assert_eq!([3_600_000, 86_400_000 * 3].map(age), ["1 h", "3 d"]);
+        assert_eq!(short("b3-f4fa294e77fea9"), "b3-f4fa294e…");
     }
 }

@@ -14,7 +14,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Action on the access keys of a service.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "A key is printed once. The database holds a hash, from which nobody can make the key again")]
+#[command(
+    arg_required_else_help = true,
+    after_help = "A key is printed once. The database holds a hash, from which nobody can make the key again"
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     action: Action,

@@ -6,6 +6,7 @@ mod bases;
 mod batch;
 mod color;
 mod combine;
+mod completions;
 mod compress;
 mod compute_job;
 mod config;
@@ -14,6 +15,7 @@ mod contents;
 mod declared;
 mod decode;
 mod demo;
+mod destination;
 mod doctor;
 mod dot;
 mod evaluate;
@@ -23,6 +25,7 @@ mod formats;
 mod fsck;
 mod gc;
 mod guard;
+mod groups;
 mod health;
 mod input;
 mod inspect;
@@ -33,6 +36,7 @@ mod keys;
 mod link;
 mod listen;
 mod log;
+mod man;
 mod migrate;
 mod openapi;
 mod opened;
@@ -80,8 +84,8 @@ use umask::Umask;
 
 /// Compress, store, evaluate and sample acquired radiometric measurements.
 #[derive(Debug, clap::Parser)]
-#[command(name = "wavelume", version, max_term_width = 100)]
-#[command(arg_required_else_help = false, disable_help_subcommand = true, infer_long_args = false)]
+#[command(name = "wavelume", version = env!("WAVELUME_VERSION"), max_term_width = 100)]
+#[command(arg_required_else_help = true, infer_long_args = false)]
 pub struct Cli {
     /// Format of the log on stderr; `RUST_LOG` filters its events
     #[arg(long, global = true, value_enum, default_value_t, env = "WAVELUME_LOG_FORMAT", hide_env_values = true)]
@@ -114,7 +118,7 @@ enum Command {
     Sample(sample::Args),
     /// Compute the colour of a material: XYZ, Lab, sRGB
     Color(color::Args),
-    /// Draw a material: a ball, a polar diagram or a plot, as PNG
+    /// Draw a material: a ball, a polar diagram or a plot, as PNG or SVG
     Preview(preview::Args),
     /// Report the energy, flux and reciprocity of a material
     Physics(physics::Args),
@@ -168,6 +172,10 @@ enum Command {
     Gc(gc::Args),
     /// Print the OpenAPI description of the HTTP interface
     Openapi(openapi::Args),
+    /// Print a script with which a shell completes commands and options
+    Completions(completions::Args),
+    /// Print or write pages for the manual of the system (`man`)
+    Man(man::Args),
     /// Compute one job for the worker that has started this process
     #[command(hide = true, name = crate::jobs::COMPUTE_JOB)]
     ComputeJob,
@@ -202,10 +210,15 @@ pub enum Parsed {
 }
 
 impl Cli {
+    /// Returns the description of the program for the parser of the command line: its commands, options and help.
+    pub(crate) fn program() -> clap::Command {
+        groups::grouped(Self::command())
+    }
+
     /// Reads a command line, program name first, and the configuration file that it or the environment names.
     pub fn read(line: impl IntoIterator<Item = OsString>) -> Result<Parsed, Failure> {
         let line: Vec<OsString> = line.into_iter().collect();
-        let mut matches = match Self::command().try_get_matches_from(&line) {
+        let mut matches = match Self::program().try_get_matches_from(&line) {
             Ok(matches) => matches,
             Err(error) => return shown(error),
         };
@@ -213,7 +226,7 @@ impl Cli {
         let file =
             given::<PathBuf>(&matches, setting_keys::CONFIG).map(|path| ConfigFile::read(&path, &keys)).transpose()?;
         if let Some(file) = &file {
-            matches = match file.set_defaults(Self::command(), &keys).try_get_matches_from(&line) {
+            matches = match file.set_defaults(Self::program(), &keys).try_get_matches_from(&line) {
                 Ok(matches) => matches,
                 Err(error) => return shown(error),
             };
@@ -283,6 +296,8 @@ impl Cli {
             Command::Move(args) => relocate::run(&args),
             Command::Gc(args) => gc::run(&args),
             Command::Openapi(args) => openapi::run(&args),
+            Command::Completions(args) => completions::run(&args, Self::program()),
+            Command::Man(args) => man::run(&args, Self::program()),
             Command::ComputeJob => compute_job::run(),
         }
     }
@@ -317,6 +332,7 @@ fn shown(mut error: clap::Error) -> Result<Parsed, Failure> {
     let text = error.render().to_string();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(text)),
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => Err(Failure::Help(text)),
         _ => Err(Failure::Usage(without_secrets(&usage_line(&text)).into_owned())),
     }
 }
@@ -324,7 +340,8 @@ fn shown(mut error: clap::Error) -> Result<Parsed, Failure> {
 /// Returns the message of a command-line error, without the usage that the parser prints below it.
 fn usage_line(rendered: &str) -> String {
     let message = rendered.trim_start_matches("error:");
-    let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| message.find(mark)).min();
+    let end =
+        ["\n  [subcommands:", "\nUsage:", "\nFor more information"].iter().filter_map(|mark| message.find(mark)).min();
     let message = failure::one_line(&message[..end.unwrap_or(message.len())]);
     format!("{message} (see --help)")
 }
@@ -345,9 +362,9 @@ mod tests {
     #[test]
     fn wrong_usage_is_one_line() {
         for line in [
-            &["wavelume"][..],
-            &["wavelume", "compres"],
-            &["wavelume", "compress", "in.npy"],
+            &["wavelume", "compres"][..],
+            &["wavelume", "--log-format", "json"],
+            &["wavelume", "preview", "in.wlm"],
             &["wavelume", "compress", "in.npy", "-o", "x.wlm", "--er-l2", "0.1", "--lossless"],
             &["wavelume", "compress", "in.npy", "-o", "x.wlm", "--er-l3", "0.1"],
             &["wavelume", "evaluate", "m.wlm", "--wi", "30"],
@@ -357,8 +374,10 @@ mod tests {
             let message = failure.to_string();
             assert!(message.ends_with("(see --help)") && !message.contains('\n'), "{message}");
         }
-        let message = read(&["wavelume", "compress", "in.npy"]).unwrap_err().to_string();
-        assert!(message.contains("required arguments were not provided: --output <OUT>"), "{message}");
+        let message = read(&["wavelume", "preview", "in.wlm"]).unwrap_err().to_string();
+        assert!(message.contains("required arguments were not provided: --output <P.png|svg>"), "{message}");
+        let message = read(&["wavelume", "--log-format", "json"]).unwrap_err().to_string();
+        assert!(!message.contains(crate::jobs::COMPUTE_JOB) && !message.contains("evaluate"), "{message}");
     }
 
     #[test]
@@ -377,8 +396,29 @@ mod tests {
 
     #[test]
     fn help_and_version_are_no_failures() {
-        for line in [&["wavelume", "--help"][..], &["wavelume", "--version"], &["wavelume", "compress", "--help"]] {
+        for line in [
+            &["wavelume", "--help"][..],
+            &["wavelume", "--version"],
+            &["wavelume", "compress", "--help"],
+            &["wavelume", "help"],
+            &["wavelume", "help", "compress"],
+            &["wavelume", "help", "jobs", "list"],
+        ] {
             assert!(matches!(read(line), Ok(Parsed::Show(_))), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn without_a_command_the_help_is_shown_as_wrong_usage() {
+        for (line, shown) in [
+            (&["wavelume"][..], "Pictures and figures:"),
+            (&["wavelume", "jobs"], "cancel"),
+            (&["wavelume", "keys"], "revoke"),
+            (&["wavelume", "tenants"], "close"),
+        ] {
+            let failure = read(line).unwrap_err();
+            assert!(matches!(&failure, Failure::Help(text) if text.contains(shown)), "{line:?}: {failure}");
+            assert_eq!(failure.exit_code(), 2);
         }
     }
 }

@@ -124,6 +124,11 @@ pub(crate) fn note(message: &str) {
     let _ = writeln!(std::io::stderr(), "wavelume: note: {}", one_line(message));
 }
 
+/// Prints a failure as one line on stderr, where a command goes on after it. A closed stderr is ignored.
+pub(crate) fn complain(failure: &Failure) {
+    let _ = writeln!(std::io::stderr(), "wavelume: {failure}");
+}
+
 /// Prints `value` as one line of JSON.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let mut text = serde_json::to_string(value).map_err(Failure::failed)?;
@@ -209,6 +214,11 @@ pub(crate) fn count(n: u64) -> String {
     text
 }
 
+/// Formats a number of things with their regular plural: `1 cell`, `1,234 cells`.
+pub(crate) fn counted(n: u64, thing: &str) -> String {
+    format!("{} {thing}{}", count(n), if n == 1 { "" } else { "s" })
+}
+
 /// Formats a ratio as per cent with three significant digits: `0.998 %`.
 pub(crate) fn per_cent(fraction: f64) -> String {
     format!("{} %", three_digits(100.0 * fraction))
@@ -238,6 +248,7 @@ mod tests {
     fn numbers_are_readable() {
         assert_eq!((count(0), count(999), count(1000)), ("0".into(), "999".into(), "1,000".into()));
         assert_eq!(count(1_228_800), "1,228,800");
+        assert_eq!([0, 1, 1000].map(|n| counted(n, "cell")), ["0 cells", "1 cell", "1,000 cells"]);
         let shown = [0.0, 0.00998, 0.0123, 0.5, 3.0, 1234.5, 1e-9].map(three_digits);
         assert_eq!(shown, ["0", "0.00998", "0.0123", "0.500", "3.00", "1234", "1.00e-9"]);
         assert_eq!(per_cent(0.00998), "0.998 %");

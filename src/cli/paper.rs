@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::output::{print, print_json};
+use super::request::ThreadsArgs;
 use crate::domain::Silent;
 use crate::paper::{self, PaperError, TABLES};
 
@@ -10,6 +11,8 @@ pub(crate) struct Args {
     /// Recompute only this table of the paper (Claustres et al. 2006), 1 to 7; may be repeated
     #[arg(long = "table", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=7))]
     tables: Vec<u8>,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// Print the recomputed tables of the paper (Claustres et al. 2006) as one JSON array
     #[arg(long, conflicts_with = "csv")]
     json: bool,
@@ -19,6 +22,10 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let wanted: &[u8] = if args.tables.is_empty() { &TABLES } else { &args.tables };
     let make = |&number: &u8| {
         paper::table(number, &Silent).map_err(|error| match error {

@@ -3,9 +3,10 @@
 use super::failure::Failure;
 use super::input::read_file;
 use super::opened::{Made, Opened};
-use super::output::{Sheet, count, per_cent, print, print_json, three_digits};
+use super::output::{Sheet, count, counted, per_cent, print, print_json, three_digits};
 use super::report::axes_lines;
-use crate::domain::{DEFAULT_ERROR, Unit};
+use super::request::ThreadsArgs;
+use crate::domain::{DEFAULT_ERROR, Unit, readable};
 use crate::evaluate::Material;
 use crate::evaluate::physics::{
     AlbedoReport, Allowance, FluxReport, IntensityAt, NormalisationReport, ReciprocityReport, Spot, Verdict,
@@ -24,6 +25,8 @@ pub(crate) struct Args {
     /// light at 45 degrees
     #[arg(long, value_name = "FILE")]
     source: Option<PathBuf>,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// Print the report as one line of JSON, with the albedo of every incoming direction
     #[arg(long)]
     json: bool,
@@ -39,6 +42,10 @@ struct Answer {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let Opened { bytes, made: compressed_in_memory } = Opened::read(&args.material)?;
     let material = Material::open(&bytes).map_err(|error| Failure::from(error).about(&args.material))?;
     let source = args.source.as_deref().map(|path| source(path, &bytes, &args.material)).transpose()?;
@@ -109,7 +116,7 @@ fn albedo_lines(sheet: &mut Sheet, albedo: &AlbedoReport) {
     }
     sheet.line("albedo", format!("mean {}", three_digits(albedo.mean)));
     if albedo.negative > 0 {
-        sheet.line("albedo", format!("{} albedos are negative, because samples are negative", count(albedo.negative)));
+        sheet.line("albedo", format!("{} below 0, because samples are negative", counted(albedo.negative, "albedo")));
     }
     sheet.line(
         "energy",
@@ -117,14 +124,14 @@ fn albedo_lines(sheet: &mut Sheet, albedo: &AlbedoReport) {
             Verdict::Holds => "conserved: no albedo above 1".to_owned(),
             Verdict::WithinError => {
                 format!(
-                    "albedo up to {} above 1, within what compression may add ({})",
+                    "conserved within the error of the material: the largest albedo is {} above 1 ({})",
                     per_cent(albedo.excess),
                     allowed(&albedo.allowance)
                 )
             }
             Verdict::Broken => {
                 format!(
-                    "albedo up to {} above 1, more than compression may add ({})",
+                    "not conserved: the largest albedo is {} above 1, too much for an error of the material ({})",
                     per_cent(albedo.excess),
                     allowed(&albedo.allowance)
                 )
@@ -147,12 +154,12 @@ fn normalisation_lines(sheet: &mut Sheet, report: &NormalisationReport) {
             Verdict::Holds => "holds: every integral of the phase function is 1".to_owned(),
             Verdict::WithinError => {
                 format!(
-                    "integrals differ from 1 by up to {off}, within what compression may add ({})",
+                    "integrals differ from 1 by up to {off}, within the error of the material ({})",
                     allowed(&report.allowance)
                 )
             }
             Verdict::Broken => format!(
-                "integrals differ from 1 by up to {off}, more than compression may add ({})",
+                "integrals differ from 1 by up to {off}, too much for an error of the material ({})",
                 allowed(&report.allowance)
             ),
         },
@@ -173,7 +180,7 @@ fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, unit: Unit, wavelengths: Opt
     };
     if let (Some((lambda, value)), Some(wavelengths)) = (most, wavelengths) {
         let at = wavelengths[lambda];
-        sheet.line("flux", format!("at most {} {}, at {at} nm", three_digits(value), flux.unit));
+        sheet.line("flux", format!("at most {} {}, at {} nm", three_digits(value), flux.unit, readable(at)));
     }
     match (flux.luminous, &flux.reason) {
         (Some(luminous), _) => {
@@ -256,10 +263,14 @@ fn tenth(angle: f64) -> String {
 }
 
 fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
-    let step = if report.step > 1 { format!(", one of {}", count(report.step)) } else { String::new() };
+    let step = if report.step > 1 { format!(" (one of every {})", count(report.step)) } else { String::new() };
     sheet.line(
         "reciprocity",
-        format!("{} pairs compared{step}, {} left out", count(report.pairs), count(report.left_out)),
+        format!(
+            "compared at {} of directions{step}; {} without a counterpart",
+            counted(report.pairs, "pair"),
+            counted(report.left_out, "pair")
+        ),
     );
     let Some(worst) = &report.largest else { return };
     sheet.line(
@@ -272,7 +283,7 @@ fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
         ),
     );
     let angles = |[theta, phi]: [f64; 2]| format!("({theta:.1}, {phi:.1})");
-    let wavelength = worst.wavelength.map(|nm| format!(", {nm} nm")).unwrap_or_default();
+    let wavelength = worst.wavelength.map(|nm| format!(", {} nm", readable(nm))).unwrap_or_default();
     sheet.line(
         "reciprocity",
         format!(
@@ -297,14 +308,14 @@ fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
 
 fn found(spot: &Spot) -> String {
     let wi = spot.wi.map(|[theta, phi]| format!(", wi at ({theta:.1}, {phi:.1})"));
-    let wavelength = spot.wavelength.map(|nm| format!(", {nm} nm"));
+    let wavelength = spot.wavelength.map(|nm| format!(", {} nm", readable(nm)));
     let index = (!spot.index.is_empty()).then(|| format!(", index {:?}", spot.index));
     let places: String = [wi, wavelength, index].into_iter().flatten().collect();
     format!("{:.4}{places}", spot.value)
 }
 
 fn allowed(allowance: &Allowance) -> String {
-    format!("er(L2) {}, at most {}", per_cent(allowance.er_l2), per_cent(allowance.bound))
+    format!("its er(L2) is {}, its largest error {}", per_cent(allowance.er_l2), per_cent(allowance.bound))
 }
 
 #[cfg(test)]
@@ -339,10 +350,14 @@ mod tests {
             sheet.render("m.wlm")
         };
         assert!(text(Verdict::Holds, 0.0).contains("energy  conserved: no albedo above 1\n"));
-        let within = "0.500 % above 1, within what compression may add (er(L2) 1.00 %, at most 5.00 %)";
+        let within =
+            "conserved within the error of the material: the largest albedo is 0.500 % above 1 (its er(L2) is 1.00 %";
         assert!(text(Verdict::WithinError, 0.005).contains(within));
-        assert!(text(Verdict::Broken, 0.2).contains("20.0 % above 1, more than compression may add"));
-        assert!(text(Verdict::Broken, 0.2).contains("2 albedos are negative, because samples are negative"));
+        assert!(
+            text(Verdict::Broken, 0.2)
+                .contains("not conserved: the largest albedo is 20.0 % above 1, too much for an error of the material")
+        );
+        assert!(text(Verdict::Broken, 0.2).contains("2 albedos below 0, because samples are negative"));
     }
 
     /// Renders the physics report of an analytic model that is sampled on `axes`, without compressing the samples.
@@ -365,7 +380,10 @@ mod tests {
         let lambert = "{\"lambert\":{\"reflectance\":0.7}}";
         let text = printed("brdf", lambert, "[\"hemi:1\",\"hemi:2\",\"lambda:400:100:4\"]");
         assert!(text.contains("albedo       at most 0.7000, wi at (") && text.contains("conserved"), "{text}");
-        assert!(text.contains("reciprocity  1,024 pairs compared, 0 left out") && text.contains("left-out"), "{text}");
+        assert!(
+            text.contains("reciprocity  compared at 1,024 pairs of directions; 0 pairs") && text.contains("left-out"),
+            "{text}"
+        );
         let both = format!(
             "{{\"sum\":[{{\"lobe\":{lambert}}},{{\"lobe\":{{\"lambert_transmission\":{{\"transmittance\":0.2}}}}}}]}}"
         );

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Options on the command line that say how to read a measurement file.
 #[derive(Clone, Debug)]
-pub(super) struct ReadingArgs {
+pub(crate) struct ReadingArgs {
     /// Path of the file for each option that takes one, such as the spectrum, with the name of the option.
     files: Vec<(&'static str, PathBuf)>,
     stated: Interpretation,

@@ -6,7 +6,7 @@ use super::guard::Outputs;
 use super::input::read_file;
 use super::output::{Sheet, count, print, print_json, three_digits, write_file};
 use super::report::{axes_lines, error_lines};
-use super::request::TargetArgs;
+use super::request::{TargetArgs, ThreadsArgs};
 use crate::compress::{self, Settings};
 use crate::domain::{Axis, Silent};
 use crate::evaluate::{Material, Side};
@@ -27,6 +27,8 @@ pub(crate) struct Args {
     side: Which,
     #[command(flatten)]
     target: TargetArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// Print a report on the written file as one line of JSON
     #[arg(long)]
     json: bool,
@@ -55,6 +57,10 @@ impl Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let about = |failure: Failure| failure.about(&args.material);
     let bytes = read_file(&args.material)?;
     let material = Material::open(&bytes).map_err(|error| about(error.into()))?;

@@ -1,9 +1,10 @@
 //! Human-readable reports: the same facts as `--json`, in labelled lines.
 
-use super::output::{Sheet, count, per_cent, three_digits};
-use crate::compress::{LevelInfo, Noise};
-use crate::domain::ErrorReport;
+use super::declared::as_typed;
+use super::output::{Sheet, count, counted, per_cent, three_digits};
+use crate::compress::{LevelInfo, LightReport, Noise};
 use crate::domain::colour::ColourReport;
+use crate::domain::{ErrorReport, Quantity, Unit};
 use crate::formats::Note;
 use crate::pipeline::{AutoReport, FitReport, IncidenceReport, Report, SampleLight, StoppedAt};
 use crate::projection::{Coverage, Rejected, ScatterReport};
@@ -43,12 +44,7 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
         sheet.line("of the cells", text);
     }
     if let Some(light) = &report.light {
-        let text = format!(
-            "kept within {} (rms {}); the brightest is {}",
-            per_cent(light.largest),
-            per_cent(light.rms),
-            three_digits(light.brightest)
-        );
+        let text = light_of(report.quantity, report.unit, light);
         sheet.line(if report.fit.is_some() { "light of cells" } else { "light" }, text);
     }
     if let Some(incidences) = &report.incidences {
@@ -64,6 +60,22 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     }
     sheet.line("digest", &report.digest);
     sheet
+}
+
+/// Describes the error of the light that leaves the material, and its largest amount, for one incoming direction and
+/// wavelength: a flux, a directional albedo or the integral of a phase function.
+fn light_of(quantity: Quantity, unit: Unit, light: &LightReport) -> String {
+    let (what, unit) = match (quantity, unit.over_directions()) {
+        (Quantity::Phase, _) => ("integral over the sphere", String::new()),
+        (Quantity::Edf, unit) => ("flux", format!(" {unit}")),
+        _ => ("directional albedo", String::new()),
+    };
+    format!(
+        "{what} at most {} off, {} rms; the largest {what} is {}{unit}",
+        per_cent(light.largest),
+        per_cent(light.rms),
+        three_digits(light.brightest)
+    )
 }
 
 /// Adds the report lines on the interpolation between incoming directions: its method, its leave-one-out error and its
@@ -137,11 +149,17 @@ pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) 
         };
         sheet.line(
             label,
-            format!("{} samples > 0 enter the relative errors; {elsewhere}", count(errors.scored_samples)),
+            format!("{} > 0 enter the relative errors; {elsewhere}", counted(errors.scored_samples, "sample")),
         );
     }
     if errors.mask_mismatches > 0 {
-        sheet.line(label, format!("{} samples masked in one of the two only", count(errors.mask_mismatches)));
+        sheet.line(
+            label,
+            format!(
+                "{} have a value either before or after compression only",
+                counted(errors.mask_mismatches, "sample")
+            ),
+        );
     }
 }
 
@@ -151,7 +169,7 @@ fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     sheet.line("colour", format!("CIEDE2000 largest {largest}, mean {mean}, illuminant {}", colour.illuminant));
     if colour.unscored_spectra > 0 {
         let (scored, others) = (count(colour.spectra), count(colour.unscored_spectra));
-        sheet.line("colour", format!("{scored} spectra compared; {others} others have too few measured wavelengths"));
+        sheet.line("colour", format!("{scored} spectra compared; {others} more with too few measured wavelengths"));
     }
 }
 
@@ -162,15 +180,15 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     sheet.line(
         "coverage",
         format!(
-            "{} cells: {} measured, {} interpolated, {filled}{} empty",
-            count(coverage.cells),
+            "{}: {} measured, {} interpolated, {filled}{} empty",
+            counted(coverage.cells, "cell"),
             count(coverage.measured),
             count(coverage.interpolated),
             count(coverage.empty)
         ),
     );
     for note in &coverage.notes {
-        sheet.line("coverage", note);
+        sheet.line("coverage", as_typed(&note.message));
     }
     if let Some(scatter) = &coverage.scatter {
         scatter_lines(sheet, scatter);
@@ -201,8 +219,8 @@ fn scatter_noise_lines(
     let values = match rejected.values {
         0 => "no samples".to_owned(),
         values => format!(
-            "{} values far from their neighbours: {} of the samples, {} of the light",
-            count(values),
+            "{} far from the neighbours: {} of the samples, {} of the light",
+            counted(values, "value"),
             per_cent(rejected.samples),
             per_cent(rejected.light)
         ),
@@ -222,7 +240,7 @@ fn scatter_noise_lines(
     }
     if lobe > 0 {
         let text =
-            format!("{} values far above their neighbours lie together as a narrow lobe: not rejected", count(lobe));
+            format!("{} far above the neighbours, together as a narrow lobe: not rejected", counted(lobe, "value"));
         sheet.line("narrow lobe", text);
     }
 }
@@ -307,6 +325,6 @@ fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
 /// Adds one report line for each note of a file reader: a fact that it assumed, filled in, skipped or warns of.
 pub(crate) fn note_lines(sheet: &mut Sheet, notes: &[Note]) {
     for note in notes {
-        sheet.line(note.kind.name(), &note.message);
+        sheet.line(note.kind.name(), as_typed(&note.message));
     }
 }

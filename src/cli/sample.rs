@@ -6,6 +6,7 @@ use super::guard::Outputs;
 use super::opened::{Made, Opened};
 use super::output::print_json;
 use super::query::{self, List};
+use super::request::ThreadsArgs;
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Direction, Quantity};
 use crate::numeric::random::half_open;
@@ -17,6 +18,7 @@ use std::path::PathBuf;
 const MAX_DIRECTIONS: u64 = 10_000_000;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = NUMBERS)]
 pub(crate) struct Args {
     /// Material (compressed measurement) to draw directions from, or a measurement, which is compressed in memory
     #[arg(value_name = "M.wlm")]
@@ -47,14 +49,16 @@ pub(crate) struct Args {
     /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }
 
-/// Drawn directions `[theta, phi]` in degrees, of a luminaire also as `[C, gamma]`, their probability densities and
-/// their weights, as parallel arrays. Where nothing is emitted or reflected, the direction is null and the numbers are
-/// 0.
+/// Drawn directions `[theta, phi]` in degrees, of a luminaire also as `[C, gamma]`, their probability densities in 1/sr
+/// and their weights, as parallel arrays. Where nothing is emitted or reflected, the direction is null and the numbers
+/// are 0.
 #[derive(Default, serde::Serialize)]
 struct Answer {
     directions: Vec<Option<[f64; 2]>>,
@@ -62,6 +66,8 @@ struct Answer {
     c_gamma: Option<Vec<Option<[f64; 2]>>>,
     pdf: Vec<f64>,
     weight: Vec<f64>,
+    /// Unit of the weights, and of their mean: the flux or albedo.
+    weight_unit: &'static str,
     /// True if the incoming direction lies beyond the measured angles.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     extrapolated: bool,
@@ -75,7 +81,17 @@ impl Args {
     }
 }
 
+/// Text below the options, on the numbers that the command prints.
+const NUMBERS: &str = "pdf is the density of a drawn direction in 1/sr. weight is the value of the material in it, times \
+    |cos theta_o| for BRDF, BTDF and BSDF, divided by pdf; the value is the mean over the wavelengths, each counted alike \
+    whatever its distance to the next. The mean of many weights is the flux of a light or the albedo of a surface; \
+    weight_unit is their unit, such as mW/nm for a lamp in mW/sr/nm and 1 for a BRDF";
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    args.threads.run(|| answer(args))?
+}
+
+fn answer(args: &Args) -> Result<(), Failure> {
     let (material, made) = Opened::open(&args.material)?;
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
     if let Some(table) = &args.directions {
@@ -98,6 +114,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let is_luminaire = material.quantity() == Quantity::Edf;
     let mut answer = Answer {
         c_gamma: is_luminaire.then(Vec::new),
+        weight_unit: material.unit().over_directions(),
         extrapolated: material.is_extrapolated(args.wi, None),
         compressed_in_memory: made,
         ..Answer::default()

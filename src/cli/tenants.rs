@@ -11,7 +11,7 @@ use crate::trust::Tenant;
 
 /// Action on the tenants of a service.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "A service without keys has one tenant, `default`")]
+#[command(arg_required_else_help = true, after_help = "A service without keys has one tenant, `default`")]
 pub(crate) struct Args {
     #[command(subcommand)]
     action: Action,

@@ -263,7 +263,7 @@ pub(super) fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String
     if found.mask_mismatches > stated.mask_mismatches {
         let (found, stated) = (found.mask_mismatches, stated.mask_mismatches);
         return Some(format!(
-            "{found} samples are masked in the measurement or the material only, the file states {stated}"
+            "{found} samples have a value in only one of the two, the measurement and the material; the file states {stated}"
         ));
     }
     let measures = [

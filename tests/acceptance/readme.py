@@ -51,6 +51,8 @@ VARYING = [
     (r"(?m)^([\w-]+ +running +)process \d+", r"\1process #"),
     (r"(postgres://wavelume@127\.0\.0\.1):\d+", r"\1:#"),
     (r"(running +\w+) +\d+ %", r"\1 #"),
+    # Ages in the list of jobs.
+    (r"(?m)^(# .*?[#%]) +\d+ (?:s|min|h|d)\b", r"\1 #"),
     (r"\b\d+ ms\b", "# ms"),
     # Findings of `doctor` that depend on the installation, and its verdicts on the machine.
     (r"(?m)^(ok +database (?:version|clock)) .*$", r"\1"),

@@ -24,7 +24,7 @@ mod reading;
 
 pub use pipeline::{Outcome, Report, Request, Source};
 #[doc(hidden)]
-pub use reading::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside, read_within};
+pub use reading::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside, read_stream_within, read_within};
 pub use reading::{ReadError, read, read_bytes};
 
 use wavelume_core::{compress, domain, evaluate, numeric};

@@ -91,17 +91,26 @@ pub fn read_within(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     if metadata.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory, expected a file"));
     }
-    let too_large = |found: &str| {
-        let message = format!("{found} bytes are more than the limit of {limit}");
-        io::Error::new(io::ErrorKind::FileTooLarge, message)
-    };
     if metadata.len() > limit {
-        return Err(too_large(&metadata.len().to_string()));
+        return Err(too_large(&metadata.len().to_string(), limit));
     }
     // The size is only a hint: a pipe has none, and a file may grow while it is read.
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    file.take(limit + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > limit { Err(too_large("more")) } else { Ok(bytes) }
+    read_sized(file, metadata.len(), limit)
+}
+
+/// Returns everything that a stream has up to its end, such as standard input. More than `limit` bytes are an error.
+pub fn read_stream_within(stream: impl Read, limit: u64) -> io::Result<Vec<u8>> {
+    read_sized(stream, 0, limit)
+}
+
+fn read_sized(stream: impl Read, size: u64, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(size as usize);
+    stream.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit { Err(too_large("its", limit)) } else { Ok(bytes) }
+}
+
+fn too_large(found: &str, limit: u64) -> io::Error {
+    io::Error::new(io::ErrorKind::FileTooLarge, format!("{found} bytes are more than the limit of {limit}"))
 }
 
 /// Reads a measurement from the bytes of a file in any known format, as [`read`] does from a path.
@@ -118,6 +127,13 @@ mod tests {
         assert_eq!(manifest_beside(Path::new("a/b.npy")), Some(PathBuf::from("a/b.axes.json")));
         assert_eq!(manifest_beside(Path::new("a/b.v2.npy")), Some(PathBuf::from("a/b.v2.axes.json")));
         assert_eq!(manifest_beside(Path::new("lamp.ies")), None);
+    }
+
+    #[test]
+    fn streams_are_read_within_a_limit() {
+        assert_eq!(read_stream_within(&b"abc"[..], 3).unwrap(), b"abc");
+        let refused = read_stream_within(&b"abcd"[..], 3).unwrap_err().to_string();
+        assert_eq!(refused, "its bytes are more than the limit of 3");
     }
 
     #[test]

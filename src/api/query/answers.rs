@@ -116,12 +116,14 @@ pub(super) struct SampleAnswer {
     c_gamma: Option<Vec<Option<[f64; 2]>>>,
     /// Probability densities of the drawn directions in sr⁻¹.
     pdf: Vec<f64>,
-    /// Monte Carlo weights of the drawn directions: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f is the
-    /// mean over wavelengths.
+    /// Monte Carlo weights of the drawn directions: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise. f is the
+    /// mean over the wavelengths, each counted alike whatever its distance to the next.
     weight: Vec<f64>,
     /// For each query, true if one of its directions lies beyond the measured polar angles, whose values are continued
     /// there.
     extrapolated: Vec<bool>,
+    /// Unit of the weights: that of the material times sr, such as `mW/nm` for a lamp in mW/sr/nm and `1` for a BRDF.
+    weight_unit: &'static str,
 }
 
 /// Values of the answers to a batch, written to JSON as an array with one row of values for each query.
@@ -252,6 +254,7 @@ impl Answers {
                     c_gamma: is_luminaire.then(|| lines().map(|line| line.c_gamma).collect()),
                     pdf: lines().map(|line| line.pdf).collect(),
                     weight: lines().map(|line| line.weight).collect(),
+                    weight_unit: material.unit().over_directions(),
                     extrapolated,
                 })
             }

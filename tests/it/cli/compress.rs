@@ -81,7 +81,7 @@ fn a_promise_below_the_noise_is_kept_and_warned_of() {
     }
     let text = done(&["compress", &input, "-o", &out, "--max-relative-error", "0.01"]);
     assert!(text.contains("from sample to sample"), "{text}");
-    assert!(text.contains("max_relative_error 0.01 lies below the noise"), "{text}");
+    assert!(text.contains("--max-relative-error 0.01 lies below the noise"), "{text}");
 }
 
 /// Writes an array with its manifest; returns its path.
@@ -159,7 +159,7 @@ fn what_a_refusal_says_to_ask_for_works() {
 }
 
 #[test]
-fn a_ratio_that_is_not_reached_is_said_once_in_report_json_and_stderr() {
+fn a_ratio_that_is_not_reached_is_said_once() {
     let dir = workshop();
     let out = at(&dir, "few.wlm");
     let samples: Vec<f32> = (0..40).map(|i| 1.0 + (i as f32 * 0.3).sin() * 0.5).collect();
@@ -168,7 +168,7 @@ fn a_ratio_that_is_not_reached_is_said_once_in_report_json_and_stderr() {
         let line = ["compress", &input, "-o", &out, "--ratio", ratio];
         let run = super::wavelume(&line);
         let (report, warned) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
-        assert_eq!((report.matches(says).count(), warned.matches(says).count()), (1, 1), "{report}{warned}");
+        assert_eq!((report.matches(says).count(), warned.matches(says).count()), (1, 0), "{report}{warned}");
         let run = super::wavelume(&[&line[..], &["--json"]].concat());
         let report: Value = serde_json::from_slice(&run.stdout).unwrap();
         assert_eq!(report["notes"].to_string().matches(says).count(), 1, "{report}");
@@ -250,8 +250,9 @@ fn colours_are_promised_and_reported() {
     let lamp = data("aerolamp.csv");
     let refusal = refused(2, &["compress", &lamp, "-o", &out, "--delta-e", "1"]);
     assert!(
-        refusal.contains("delta_e: colour differences of this measurement cannot be computed: wavelengths from 199.9")
-            && refusal.contains("at least 400 to 700 nm"),
+        refusal.contains(
+            "--delta-e: colour differences of this measurement cannot be computed: wavelengths from 199.998 to"
+        ) && refusal.contains("at least 400 to 700 nm"),
         "{refusal}"
     );
     let refusal = refused(2, &[&line[..], &["--policy", "conventional"]].concat());

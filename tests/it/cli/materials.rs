@@ -54,7 +54,7 @@ fn a_slice_of_a_material_is_that_of_the_whole() {
     }
     let refusal =
         refused(2, &["compress", &at(&dir, "brdf.npy"), "-o", &made, "--random-access", "--policy", "conventional"]);
-    assert!(refusal.contains("random_access: policy conventional"), "{refusal}");
+    assert!(refusal.contains("--random-access: policy conventional"), "{refusal}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod directories;
 mod doctor;
 mod evaluate;
 mod guard;
+mod help;
 mod keys;
 mod materials;
 mod measured;

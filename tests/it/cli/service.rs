@@ -275,6 +275,27 @@ fn a_data_directory_is_looked_after() {
 }
 
 #[test]
+fn the_demo_ends_quietly_while_it_compresses() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wavelume"));
+    command.args(["demo", "--data", &at(&dir, "data"), "--listen", "127.0.0.1:0"]);
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .env_remove("RUST_LOG")
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+    assert!(line.starts_with("listening on http://"), "{line}");
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
 fn the_demo_compresses_real_measurements_and_uses_them_again() {
     let dir = tempfile::tempdir().unwrap();
     let demo = ["demo", "--once", "--data", &at(&dir, "data"), "--listen", "127.0.0.1:0"].map(str::to_owned);

@@ -82,8 +82,9 @@ fn pictures_are_written_whole_and_the_same() {
     }
     let out = at(&dir, "none.png");
     for (line, says) in [
-        (&["--size", "63"][..], "expected 64 to 512 pixels"),
-        (&["--size", "513"], "expected 64 to 512 pixels"),
+        (&["--size", "63"][..], "expected 64 to 2048 pixels"),
+        (&["--size", "2049"], "expected 64 to 2048 pixels"),
+        (&["--style", "grey"], "possible values: dark, light"),
         (&["--illuminant", "D93"], "unknown illuminant `D93`"),
         (&["--index", "0,0"], "index [0, 0], expected"),
     ] {

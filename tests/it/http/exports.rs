@@ -38,7 +38,7 @@ async fn files_state_what_they_add() {
         ("format=rgl&wavelength=500", 422, "bad-setting", "does nothing for rgl"),
         ("format=rgl&side=1024&step=1", 422, "over-limit", "expected at most"),
         ("format=rgl&index=x", 400, "bad-query", "index"),
-        ("format=rgl&index=0", 422, "unfit-query", "1 indices"),
+        ("format=rgl&index=0", 422, "unfit-query", "the option index: found 1 numbers, expected 0"),
         ("format=rgl&nonsense=1", 400, "bad-query", "nonsense"),
     ] {
         let refusal = problem(service.get(&format!("{path}?{query}")), status, code).await;

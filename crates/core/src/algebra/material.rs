@@ -270,7 +270,8 @@ fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError
     for (operand, at) in operands.iter().zip(1..) {
         let Some(kept) = Kept::of(operand.bytes).map_err(|e| undecoded(at, e))? else {
             return Ok(Err(format!(
-                "the file of material {at} stores no transform coefficients of its samples that can be added directly"
+                "the file of material {at} holds no coefficients to add (policy rd and lossless files hold \
+                 logarithms or the samples)"
             )));
         };
         match &mut common {

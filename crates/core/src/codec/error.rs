@@ -5,7 +5,7 @@
 #[non_exhaustive]
 pub enum CodecError {
     /// The file does not start with the magic number of the format.
-    #[error("not a wavelume file: expected the first 4 bytes to be 89 57 4C 4D")]
+    #[error("not a wavelume material, whose first 4 bytes are 89 57 4C 4D")]
     Magic,
     /// The version of the file format is not supported.
     #[error("the file has format version {found}, expected version {expected}, which this program reads")]

@@ -5,7 +5,7 @@ use super::direction_grid::DirectionGrid;
 use super::limits::{MAX_AXES, MAX_ENTRIES, MAX_SAMPLES};
 use super::quantity::Quantity;
 use super::triangles::TriangleMesh;
-use super::wavelengths::WavelengthGrid;
+use super::wavelengths::{WavelengthGrid, readable};
 
 /// Axis of a tensor of samples, such as directions or wavelengths.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,9 +107,7 @@ impl Axis {
             Self::Elevation(values) => format!("{} elevations", values.len()),
             Self::Wavelength(grid) => {
                 let (first, last) = grid.range();
-                // Spectrometers list wavelengths with all digits of an f32, too many to read.
-                let rounded = |nm: f64| libm::round(nm * 1000.0) / 1000.0;
-                format!("{}..{} nm ({})", rounded(first), rounded(last), grid.len())
+                format!("{}..{} nm ({})", readable(first), readable(last), grid.len())
             }
             Self::Index { count, .. } => format!("index ({count})"),
             Self::Rgb => "rgb (3)".to_owned(),

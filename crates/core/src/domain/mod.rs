@@ -70,4 +70,4 @@ pub use triangles::{Vertices, centroid, child, solid_angle};
 #[doc(hidden)]
 pub use utoipa;
 pub use views::{Brdf, Reflectance, Spectrum};
-pub use wavelengths::{WavelengthError, WavelengthGrid};
+pub use wavelengths::{WavelengthError, WavelengthGrid, readable};

@@ -197,6 +197,27 @@ impl Unit {
             _ => None,
         }
     }
+
+    /// Returns the unit of the integral over directions of samples in this unit, such as `mW` for intensities in
+    /// mW·sr⁻¹ and `1` for a BSDF times a cosine.
+    pub fn over_directions(self) -> &'static str {
+        match self {
+            Self::Relative => "relative·sr",
+            Self::One => "sr",
+            Self::PerSteradian => "1",
+            Self::Candela => "lm",
+            Self::CandelaPerKilolumen => "lm/klm",
+            Self::WattPerSteradian => "W",
+            Self::MilliwattPerSteradian => "mW",
+            Self::MicrowattPerSteradian => "uW",
+            Self::MicromolePerSecondSteradian => "umol/s",
+            Self::WattPerSteradianNanometre => "W/nm",
+            Self::MilliwattPerSteradianNanometre => "mW/nm",
+            Self::MicrowattPerSteradianNanometre => "uW/nm",
+            Self::MicromolePerSecondSteradianNanometre => "umol/s/nm",
+            Self::RelativePerNanometre => "relative·sr/nm",
+        }
+    }
 }
 
 /// Meaning of one sample on an axis of triangles: an average or a value at a point.

@@ -133,6 +133,12 @@ impl WavelengthGrid {
         (0..self.len()).map(|i| self.at(i)).collect()
     }
 
+    /// Returns the range of the wavelengths in words, such as `400 to 700 nm`, rounded as [`readable`] does.
+    pub fn in_words(&self) -> String {
+        let (first, last) = self.range();
+        format!("{} to {} nm", readable(first), readable(last))
+    }
+
     /// Returns the shortest and the longest wavelength in nm.
     pub fn range(&self) -> (f64, f64) {
         (self.at(0), self.at(self.len() - 1))
@@ -182,6 +188,11 @@ fn check_count(count: usize) -> Result<(), WavelengthError> {
         n if n > MAX_WAVELENGTHS => Err(WavelengthError::TooMany { found: n }),
         _ => Ok(()),
     }
+}
+
+/// Rounds a wavelength in nm to 0.001 nm for people: instruments list wavelengths with all digits of a float32.
+pub fn readable(nm: f64) -> f64 {
+    libm::round(nm * 1000.0) / 1000.0
 }
 
 #[cfg(test)]

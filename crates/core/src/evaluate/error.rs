@@ -38,7 +38,10 @@ pub enum EvaluateError {
 pub enum QueryError {
     /// Wrong number of indices: one is needed for each index axis (axis of the samples before those of directions and
     /// wavelength).
-    #[error("{found} indices, expected {expected}: one for each axis before the directions and the wavelength")]
+    #[error(
+        "the option index: found {found} numbers, expected {expected}, one for each axis of numbered entries (columns of a \
+         table, scan positions)"
+    )]
     Indices {
         /// Number of positions on index axes (axes of the samples before those of directions and wavelength) that the
         /// query gives.

@@ -247,7 +247,10 @@ fn opaque_axes_need_an_index() {
     let found = spectrum(&m, place(&[1, 2]), Interpolation::Constant)[0];
     assert!((found - 45.0).abs() < 1e-4, "{found}");
     let mut out = [0.0];
-    is_unfit(m.evaluate(place(&[1]), Interpolation::Constant, &mut out), "1 indices, expected 2");
+    is_unfit(
+        m.evaluate(place(&[1]), Interpolation::Constant, &mut out),
+        "the option index: found 1 numbers, expected 2",
+    );
     is_unfit(m.evaluate(place(&[1, 3]), Interpolation::Constant, &mut out), "index 3 on axis 1 of 3 entries");
     let sampled = m.sample(&[1, 2], None, [0.3, 0.4], CONSTANT).unwrap().unwrap();
     let leaf = mesh(Domain::Sphere, 0).locate(sampled.direction).unwrap();

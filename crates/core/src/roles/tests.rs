@@ -104,7 +104,8 @@ fn a_role_is_refused_once_and_says_why() {
     );
     assert_eq!(
         refused(several.emitter().unwrap_err()),
-        "0 indices, expected 1: one for each axis before the directions and the wavelength"
+        "the option index: found 0 numbers, expected 1, one for each axis of numbered entries (columns of a \
+         table, scan positions)"
     );
     let numbers = vec![1];
     let second = several.emitter_at(&numbers).unwrap();

@@ -5,7 +5,7 @@
 
 use super::emission::{counts_photons, emits};
 use super::viewing::Viewing;
-use crate::domain::colour::{ColourError, Tristimulus, Xyz, xyz_to_linear};
+use crate::domain::colour::{self, ColourError, Tristimulus, Xyz, xyz_to_linear};
 use crate::domain::{Axis, WavelengthGrid};
 use crate::evaluate::{JOULES_PER_MICROMOLE, Material};
 
@@ -14,9 +14,18 @@ use crate::evaluate::{JOULES_PER_MICROMOLE, Material};
 #[derive(Clone, Debug)]
 pub(crate) struct Channels {
     weights: Vec<[f32; 3]>,
-    /// True if the weights that convert a material's spectra to linear sRGB preserve their hue. False if the
-    /// wavelengths of the spectra allow only a grey approximation.
-    coloured: bool,
+    hue: Hue,
+}
+
+/// Accuracy of colours that are computed from the wavelengths of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Hue {
+    /// The wavelengths suffice for standard colours, or the samples are colours.
+    Exact,
+    /// The wavelengths are too few or too far apart for standard colours, but show the hue.
+    Estimated,
+    /// The wavelengths show no hue; values are shown in grey.
+    Grey,
 }
 
 /// First and last wavelength in nm that a spectrum must cover, so that its colour can be approximated.
@@ -33,23 +42,48 @@ impl Channels {
             Some(Axis::Wavelength(grid)) => grid,
             Some(Axis::Rgb) => {
                 let weights = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-                return Ok(Self { weights, coloured: true });
+                return Ok(Self { weights, hue: Hue::Exact });
             }
-            _ => return Ok(Self { weights: vec![[1.0; 3]], coloured: false }),
+            _ => return Ok(Self { weights: vec![[1.0; 3]], hue: Hue::Grey }),
         };
         let light = emits(material.quantity());
-        let Some((weights, white)) = weights(grid, light, viewing)? else { return Ok(Self::grey(grid)) };
+        let Some((weights, white, hue)) = weights(grid, light, viewing)? else { return Ok(Self::grey(grid)) };
         let adaptation = Viewing::adaptation(white)?;
         let photons = counts_photons(material.unit());
         let weights = weights.into_iter().zip(grid.values()).map(|(xyz, lambda)| {
             let energy = if photons { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
             xyz_to_linear(adaptation.apply(xyz)).map(|w| (energy * w) as f32)
         });
-        Ok(Self { weights: weights.collect(), coloured: true })
+        Ok(Self { weights: weights.collect(), hue })
     }
 
+    /// Returns true if the linear sRGB of a spectrum shows its hue, at least as an estimate.
     pub(crate) fn coloured(&self) -> bool {
-        self.coloured
+        self.hue != Hue::Grey
+    }
+
+    /// Returns the remark for the user that spectra over these wavelengths have no exact colour; `None` if they have.
+    pub(crate) fn remark(&self, grid: &WavelengthGrid) -> Option<String> {
+        let given = || format!("the {} wavelengths from {}", grid.len(), grid.in_words());
+        let (needed, gap) = (colour::NEEDED, colour::MOST_GAP);
+        match self.hue {
+            Hue::Exact => None,
+            Hue::Estimated => Some(format!(
+                "colours are estimated from {}; exact ones need {} to {} nm in steps of at most {gap} nm",
+                given(),
+                needed.0,
+                needed.1
+            )),
+            Hue::Grey => Some(format!(
+                "grey instead of colours, which {} do not show: expected at least {FEWEST} between {} and {} nm, from at \
+                 most {} to at least {} nm",
+                given(),
+                needed.0,
+                needed.1,
+                MOST_OF_THE_VISIBLE.0,
+                MOST_OF_THE_VISIBLE.1
+            )),
+        }
     }
 
     /// Returns the linear sRGB of a spectrum, unclipped: components outside 0..=1 are out of gamut. Masked samples are
@@ -96,18 +130,18 @@ impl Channels {
         let total: f64 = weights.iter().sum();
         let weights = if total > 0.0 { weights } else { vec![1.0; grid.len()] };
         let total = if total > 0.0 { total } else { grid.len() as f64 };
-        Self { weights: weights.into_iter().map(|w| [(w / total) as f32; 3]).collect(), coloured: false }
+        Self { weights: weights.into_iter().map(|w| [(w / total) as f32; 3]).collect(), hue: Hue::Grey }
     }
 }
 
-/// Returns the XYZ weights of the sample at each wavelength, and the white point. `None` if the wavelengths are too few
-/// for a colour.
-fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, ColourError> {
+/// Returns the XYZ weights of the sample at each wavelength, the white point and the accuracy of the colours. `None` if
+/// the wavelengths are too few for a colour.
+fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz, Hue)>, ColourError> {
     let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
     let as_xyz = |weights: &[[f64; 3]]| weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>();
     if let Ok(strict) = of(grid) {
         let white = if light { viewing.white()? } else { strict.white() };
-        return Ok(Some((as_xyz(strict.weights()), white)));
+        return Ok(Some((as_xyz(strict.weights()), white, Hue::Exact)));
     }
     let visible = grid.values().into_iter().filter(|l| (400.0..=700.0).contains(l)).count();
     let (first, last) = grid.range();
@@ -129,5 +163,5 @@ fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Opti
         }
     }
     let white = if light { viewing.white()? } else { strict.white() };
-    Ok(Some((as_xyz(&pulled), white)))
+    Ok(Some((as_xyz(&pulled), white, Hue::Estimated)))
 }

@@ -8,7 +8,7 @@ use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, wavelengths};
 use super::writer::{Write, Writer};
 use super::{read_back, resolution};
-use crate::appearance::Viewing;
+use crate::appearance::{Channels, Viewing};
 use crate::domain::{Axis, Direction, Domain, Quantity, Unit};
 use crate::evaluate::Material;
 use crate::formats::{
@@ -159,13 +159,8 @@ fn what_of(material: &Material) -> &'static str {
 fn lost_spectrum(material: &Material) -> Vec<String> {
     let Some(grid) = wavelengths(material) else { return Vec::new() };
     let mut lost = vec![format!("the spectrum: only linear sRGB of {} wavelengths is kept", grid.len())];
-    if Viewing::default().reflectance(grid).is_err() {
-        let (first, last) = grid.range();
-        lost.push(format!(
-            "the exact colours: {} wavelengths from {first} to {last} nm only allow to estimate them",
-            grid.len()
-        ));
-    }
+    let channels = Channels::of(material, &Viewing::default()).ok();
+    lost.extend(channels.and_then(|channels| channels.remark(grid)));
     lost
 }
 

@@ -1,6 +1,6 @@
 //! Reasons why a material is not exported.
 
-use crate::domain::Limits;
+use crate::domain::{Limits, readable};
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatError;
 use crate::preview::PreviewError;
@@ -141,7 +141,10 @@ pub enum OptionError {
     #[error("found the option `wavelength`, but the material has no wavelength axis; leave it out")]
     UnusedWavelength,
     /// The requested wavelength is outside the measured range.
-    #[error("wavelength {found} nm is outside the measured range, expected {first} to {last} nm")]
+    #[error(
+        "wavelength {found} nm is outside the measured range, expected {} to {} nm",
+        readable(*first), readable(*last)
+    )]
     Wavelength {
         /// Requested wavelength in nm.
         found: f64,

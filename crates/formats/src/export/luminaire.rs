@@ -61,8 +61,7 @@ fn lm63(material: &Material, options: &ExportOptions) -> Result<Exported, Export
     let mut notes = vec![format!("values in {}, written by wavelume", photometry.unit)];
     notes.extend(lost(material, &photometry).map(|lost| format!("lost: {lost}")));
     if let Some(grid) = wavelengths(material) {
-        let (first, last) = grid.range();
-        notes.push(format!("the spectra went from {first} to {last} nm, samples in {}", material.unit()));
+        notes.push(format!("the spectra went from {}, samples in {}", grid.in_words(), material.unit()));
     }
     let bytes = write_lm63(&lamp.planes, photometry.unit, &notes)?;
     lamp.exported(material, options, LM63.name, bytes, photometry)

@@ -152,7 +152,10 @@ fn merl_and_mbsdf_hold_the_colours_of_isotropic_surfaces() {
     let axes = vec![elevations(), mesh(Domain::Hemisphere, 2), bands];
     let (banded, _) = material(Quantity::Brdf, Unit::PerSteradian, axes, rough);
     let lost = written(&banded, ExportFormat::Mbsdf, &ExportOptions { side: Some(24), ..defaults() }).about.lost;
-    assert_eq!(lost[1], "the exact colours: 3 wavelengths from 450 to 650 nm only allow to estimate them");
+    assert_eq!(
+        lost[1],
+        "colours are estimated from the 3 wavelengths from 450 to 650 nm; exact ones need 400 to 700 nm in steps of at most 20 nm"
+    );
     let sides = [
         (Quantity::Brdf, Domain::Hemisphere, "reflection, "),
         (Quantity::Btdf, Domain::Lower, "transmission, "),

@@ -114,7 +114,7 @@ pub(super) fn ordered(
     let horizontal = axis(horizontal, horizontal_range, "horizontal", 1, inner)?;
     if vertical.len() < 2 {
         let message = match listed {
-            1 => "one vertical angle spans nothing, expected at least two".to_owned(),
+            1 => "found one vertical angle, expected at least two".to_owned(),
             _ => format!("all {listed} vertical angles are {}°, expected different ones", Brief(vertical[0])),
         };
         return Err(source.malformed(source.text().len(), message));

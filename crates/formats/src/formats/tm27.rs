@@ -238,7 +238,7 @@ mod tests {
         let text = document("relative", &(datum("500", "2") + &datum("510", "3")));
         let noted = plain(&format!("Written by <x>, 2 files\r\n{text}")).unwrap();
         assert_eq!(spectrum(&noted), spectrum(&plain(&text).unwrap()));
-        assert!(noted.report.notes.iter().any(|note| note.message == "1 lines of text before the data"));
+        assert!(noted.report.notes.iter().any(|note| note.message == "1 line of text before the data"));
         // Places count it.
         let error = plain(&format!("Written by <x>\n{}", text.replace(">3<", ">x<"))).unwrap_err();
         assert!(error.to_string().contains("line 4"), "{error}");

@@ -1,17 +1,20 @@
 //! Notes on luminaires: lamps, photometric planes and intensities.
 
+use super::display::{are, either, s};
 use super::{Brief, Quoted};
-use crate::domain::Unit;
+use crate::domain::{Unit, readable};
 
 wavelume_core::declare_notes! {
     /// Remarks for the user (warnings, assumptions) on luminaires: lamps, photometric planes and intensities.
     LuminaireNote {
         // Intensities of any format.
         Warning NegativeIntensities { intensities: usize, lowest: f32 } =>
-            "{intensities} intensities are negative, down to {lowest}; kept as they are";
+            "{intensities} {noun} negative, down to {lowest}; kept as {they_are}",
+            noun = either(intensities, "intensity is", "intensities are"), they_are = either(intensities, "it is", "they are");
         Warning AnglesDecrease { angles: &'static str } => "{angles} angles decrease, expected increasing; turned round";
         Warning AnglesRepeated { repeated: usize, angles: &'static str } =>
-            "{repeated} {angles} angles are listed more than once, their intensities averaged";
+            "{repeated} {angles} angle{s} {are} listed more than once, intensities averaged",
+            s = s(repeated), are = are(repeated);
 
         // Planes of type C.
         Warning VerticalAnglesUnusual { first_degrees: Brief, last_degrees: Brief } =>
@@ -35,7 +38,7 @@ wavelume_core::declare_notes! {
         Assumed AlternativeLampSets { sets: usize } =>
             "{sets} lamp sets, which are alternatives: the intensities are those of the first";
         Assumed RelativePhotometryInAll { lamps: Brief, flux_lm: Brief } =>
-            "relative photometry: intensities hold for {lamps} lamp(s) of {flux_lm} lm in all";
+            "relative photometry: intensities hold for {lamps} lamp{s} of {flux_lm} lm in all", s = s(lamps.0);
         Warning LampFluxNotStated { flux_lm: Option<Brief> } =>
             "{found}, expected the lumens of the lamps: intensities stay in cd per 1000 lm",
             found = flux_lm.map_or("no lamp set".to_owned(), |flux| format!("{flux} lm"));
@@ -43,7 +46,8 @@ wavelume_core::declare_notes! {
             "the intensities make {flux_lm:.1} lm, {part_percent:.1} % of the {stated_lm} lm stated; kept as they are";
         Assumed SymmetryOfHalfPlanes => "symmetry 3: the planes stored are C270 over C0 to C90, as the format says";
         Warning LinesAfterIntensities { lines: usize, first: Quoted } =>
-            "{lines} lines after the last intensity were not read, the first is {first}";
+            "{lines} line{s} after the last intensity {were} not read, the first is {first}",
+            s = s(lines), were = either(lines, "was", "were");
         Warning SymmetryContradicted { symmetry: &'static str, intensities: usize, planes: &'static str } =>
             "the file says {symmetry}, but has the {intensities} intensities of {planes}: read as {planes}";
 
@@ -55,7 +59,7 @@ wavelume_core::declare_notes! {
         Warning RevisionUnknown { tag: Quoted } => "unknown revision {tag}, read as LM-63-2002";
         Warning MoreContinuesNothing => "[MORE] follows no keyword to continue; kept as a keyword of its own";
         Skipped LongText { lines: usize, most_keywords: usize, most_bytes: usize } =>
-            "{lines} lines of text beyond {most_keywords} or longer than {most_bytes} bytes";
+            "{lines} line{s} of text beyond {most_keywords} or longer than {most_bytes} bytes", s = s(lines);
         Assumed NoVersionTag => "no version tag, read as LM-63-1986";
         Assumed DecimalCommas => "commas in numbers are decimal marks: otherwise there are more numbers than the header says";
         Skipped TiltFile { name: Quoted } =>
@@ -71,7 +75,7 @@ wavelume_core::declare_notes! {
         Assumed TypeAOfNegativeAngles => "negative vertical angles in a 1986 file of type 1: taken as type A";
         Warning FluxZero => "0 lumens per lamp, expected -1 for absolute photometry; candela kept as they are";
         Assumed RelativePhotometry { lamps: usize, flux_lm: Brief } =>
-            "relative photometry: candela hold for {lamps} lamp(s) of {flux_lm} lm each";
+            "relative photometry: candela hold for {lamps} lamp{s} of {flux_lm} lm each", s = s(lamps);
         Warning EfficiencyImplausible { efficiency_percent: Brief, lamps_lm: Brief } =>
             "the intensities make {efficiency_percent} % of the {lamps_lm} lm of the lamps, expected 5 to 105 %";
         Filled ResampledToTypeC { photometry: &'static str, rows: usize, columns: usize, polar: usize, planes: usize } =>
@@ -110,6 +114,7 @@ wavelume_core::declare_notes! {
             "joined with the spectrum that the file lists; ask for the unit {unit} to leave it out";
         Skipped SpectrumLeftOut { reason: String } => "the spectrum that the file lists: {reason}";
         Assumed SpectrumCut { first_nm: Brief, last_nm: Brief } =>
-            "the spectrum is cut to {first_nm} to {last_nm} nm, the range of the intensities";
+            "the spectrum is cut to {first_nm} to {last_nm} nm, the range of the intensities",
+            first_nm = readable(first_nm.0), last_nm = readable(last_nm.0);
     }
 }

@@ -1,12 +1,14 @@
 //! Notes on tables of phase functions and volume scattering functions.
 
 use super::Brief;
+use super::display::{are, either, s};
 
 wavelume_core::declare_notes! {
     /// Remarks for the user (warnings, assumptions) on tables of phase functions and volume scattering functions.
     PhaseNote {
         Warning Negative { values: usize, lowest: Brief } =>
-            "{values} values are negative, down to {lowest}; kept as they are";
+            "{values} value{s} {are} negative, down to {lowest}; kept as {they_are}",
+            s = s(values), are = are(values), they_are = either(values, "it is", "they are");
         Assumed FirstColumnRead { columns: usize, names: String } =>
             "{columns} columns of values ({names}): the first is read, the option column names another";
         Assumed CosinesInFirstColumn => "the first column is the cosine of the scattering angle, +1 = forward";

@@ -1,6 +1,7 @@
 //! Notes on the axes of a projection and the cells that represent samples.
 
-use crate::domain::Domain;
+use super::display::{are, s};
+use crate::domain::{Domain, readable};
 
 wavelume_core::declare_notes! {
     /// Remarks for the user on the projection of a measurement: the chosen axes, and the cells (triangles of
@@ -9,7 +10,7 @@ wavelume_core::declare_notes! {
         Chosen AsInFile => "the axes and samples of the file";
         Chosen AxisAsStated { role: &'static str, axis: String } => "{role}: {axis}, as the file states it";
         Chosen Elevations { role: &'static str, elevations: usize } =>
-            "{role}: the {elevations} elevations of the file (isotropic)";
+            "{role}: the {elevations} elevation{s} of the file (isotropic)", s = s(elevations);
         Chosen Level {
             role: &'static str, level: u8, domain: Domain, cell_degrees: f64, spacing: String,
             natural_level: u8, is_requested: bool,
@@ -33,8 +34,8 @@ wavelume_core::declare_notes! {
         // Angles that the file does not cover, or that the quantity does not have.
         Assumed OneAzimuthIsotropic => "incoming directions of one azimuth only: taken as isotropic";
         Assumed WithoutGrid =>
-            "values between the angles are unknown (a single theta, or azimuths more than 90 degrees apart): taken as \
-             directions without a grid";
+            "the angles are too far apart to interpolate between them (a single theta, or azimuths more than 90° apart): \
+             treated as scattered directions";
         Assumed AzimuthGap { from_degrees: f64, to_degrees: f64 } =>
             "nothing is known between the azimuths of {from_degrees}° and {to_degrees}°, which are more than 90° apart: masked";
         Assumed RotationallySymmetric { role: &'static str } =>
@@ -48,16 +49,20 @@ wavelume_core::declare_notes! {
         Skipped ElevationsBeyond { elevations: usize, of: usize, domain: Domain } =>
             "{elevations} of {of} outgoing elevations lie beyond the {domain}: left out";
         Warning MissingAveraged { samples: usize, of: usize } =>
-            "{samples} of {of} samples are missing: cells are averages of what is there, masked where nothing is";
-        Warning MissingMasked { samples: usize, of: usize } => "{samples} of {of} samples are missing: masked";
+            "{samples} of {of} samples {are} missing: cells are averages of what is there, masked where nothing is",
+            are = are(samples);
+        Warning MissingMasked { samples: usize, of: usize } => "{samples} of {of} samples {are} missing: masked", are = are(samples);
 
         // Wavelengths.
         Chosen WavelengthsResampled {
             wavelengths: usize, first_nm: f64, last_nm: f64, samples: usize, measured_first_nm: f64, measured_last_nm: f64,
         } => "{wavelengths} wavelengths from {first_nm} to {last_nm} nm as requested: averages over their bands of the \
-              piecewise linear spectrum through {samples} samples from {measured_first_nm} to {measured_last_nm} nm";
+              piecewise linear spectrum through {samples} samples from {measured_first_nm} to {measured_last_nm} nm",
+            first_nm = readable(first_nm), last_nm = readable(last_nm),
+            measured_first_nm = readable(measured_first_nm), measured_last_nm = readable(measured_last_nm);
         Skipped WavelengthsOutside { wavelengths: usize } =>
-            "{wavelengths} requested wavelengths are outside the measured range and masked";
+            "{wavelengths} requested wavelength{s} {are} outside the measured range and masked",
+            s = s(wavelengths), are = are(wavelengths);
     }
 }
 

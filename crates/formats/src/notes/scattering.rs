@@ -1,5 +1,6 @@
 //! Notes on surfaces: BRDFs, BTDFs and their angles.
 
+use super::display::{are, either, s};
 use super::{Brief, Quoted};
 
 wavelume_core::declare_notes! {
@@ -13,9 +14,10 @@ wavelume_core::declare_notes! {
             "`cosine_included` is not stated, taken as false: the values do not hold |cos theta_o|";
         Assumed CosineDivided { source: &'static str } =>
             "values hold the cosine, as the {source} says: divided by |cos theta_o|";
-        Warning GrazingMasked { values: usize } => "{values} values at theta_o of 90 degrees hold a cosine of 0: masked";
-        Skipped RowsBelowHorizon { rows: usize } => "{rows} rows with a direction below the horizon";
-        Skipped ConfidenceLimits { rows: usize } => "confidence limits of {rows} rows";
+        Warning GrazingMasked { values: usize } => "{values} value{s} at theta_o of 90 degrees {hold} a cosine of 0: masked",
+            s = s(values), hold = either(values, "holds", "hold");
+        Skipped RowsBelowHorizon { rows: usize } => "{rows} row{s} with a direction below the horizon", s = s(rows);
+        Skipped ConfidenceLimits { rows: usize } => "confidence limits of {rows} row{s}", s = s(rows);
 
         // Columns under the names of laboratories.
         Assumed ColumnsByName { columns: String } => "columns taken by their names: {columns}";
@@ -49,7 +51,8 @@ wavelume_core::declare_notes! {
         Assumed AzimuthSector { angles: String, first_degrees: Brief, last_degrees: Brief } =>
             "{angles}: azimuths {first_degrees}° to {last_degrees}° taken as all there is, the rest of the circle is masked";
         Filled PolesFilled { samples: usize } =>
-            "{samples} missing samples at a pole, where all azimuths are one direction: mean of the others there";
+            "{samples} missing sample{s} at a pole, where all azimuths are one direction: mean of the others there",
+            s = s(samples);
 
         // Analytic models.
         Assumed WavelengthNotStated { wavelength_nm: f64 } => "no wavelength stated, taken as {wavelength_nm} nm";
@@ -69,7 +72,7 @@ wavelume_core::declare_notes! {
         Assumed BigEndian => "big-endian numbers, expected little-endian; swapped";
         Assumed WholeTurn { cells: usize } => "the {cells} cells along phi_d are taken as a whole turn";
         Skipped NegativeMasked { values: usize, of: usize, lowest: f64 } =>
-            "{values} of {of} numbers are negative, down to {lowest}: masked";
+            "{values} of {of} numbers {are} negative, down to {lowest}: masked", are = are(values);
 
         // Zemax.
         Skipped BehindSurface { samples: usize, of: usize } =>
@@ -92,7 +95,7 @@ wavelume_core::declare_notes! {
         Skipped OtherFunctionsHeld { functions: String } =>
             "other functions of the file, which quantity, side and band choose: {functions}";
         Skipped ChromaticitiesBesideBsdf { functions: usize } =>
-            "{functions} functions of chromaticity (CIE-u, CIE-v), which are no BSDF";
+            "{functions} function{s} of chromaticity (CIE-u, CIE-v), no BSDF", s = s(functions);
         Skipped DirectionsOfDataUnknown { names: String } => "functions of unknown directions: {names}";
         Skipped GeometryBesideBsdf => "the geometry of the layer";
         Assumed BasisByName { basis: Quoted, patches: usize } =>
@@ -126,8 +129,9 @@ wavelume_core::declare_notes! {
             "incident azimuths from {first_degrees}° to {last_degrees}°: values at the first and the last are \
              taken to hold beyond";
         Warning MissingMasked { values: usize, of: usize } =>
-            "{values} of {of} numbers are missing (NaN); what would be interpolated from them is masked";
+            "{values} of {of} numbers {are} missing (NaN); what would be interpolated from them is masked", are = are(values);
         Warning NegativeKept { values: usize, of: usize, lowest: f32 } =>
-            "{values} of {of} numbers are negative, down to {lowest:e}; kept as they are";
+            "{values} of {of} numbers {are} negative, down to {lowest:e}; kept as {they_are}",
+            are = are(values), they_are = either(values, "it is", "they are");
     }
 }

@@ -1,6 +1,8 @@
 //! Notes on spectra and tables of spectra.
 
+use super::display::{are, either, s};
 use super::{Brief, Quoted};
+use crate::domain::readable;
 
 wavelume_core::declare_notes! {
     /// Remarks and warnings to the user about a spectrum, or a table of spectra, that was read from a file.
@@ -20,7 +22,8 @@ wavelume_core::declare_notes! {
         Warning RowsDiffer { rows: usize, stated: String } => "{rows} rows, but `Number of X Values` says {stated}";
         Assumed RowsTurnedRound => "the rows were turned round, so that wavelengths increase";
         Warning RowsSorted => "the wavelengths do not increase from row to row: sorted";
-        Warning RowsRepeated { rows: usize } => "{rows} rows repeat another one, value for value: counted once";
+        Warning RowsRepeated { rows: usize } => "{rows} row{s} {repeat} another one, value for value: counted once",
+            s = s(rows), repeat = either(rows, "repeats", "repeat");
         Assumed DetectorsJoined { from: Brief, to: Brief, rule: &'static str } =>
             "the ranges of two detectors overlap from {from} to {to} in the unit of the file: joined by the rule {rule} \
              (`--overlap shorter`, the default, `longer` or `mean`)";
@@ -40,8 +43,10 @@ wavelume_core::declare_notes! {
             "reflectance up to {largest}, expected 0 to 1 or percent; kept as it is";
         Warning LargeRatio { largest: f32 } => "values up to {largest}, expected 0 to 1; kept as they are";
         Filled FillsMasked { values: usize, fill: f32 } =>
-            "{values} values of {fill:e}, which stand for missing ones, are masked";
-        Warning MissingMasked { values: usize } => "{values} missing values (blank, NaN or --) are masked";
+            "{values} value{s} of {fill:e}, which {stand} for missing ones, {are} masked",
+            s = s(values), stand = either(values, "stands", "stand"), are = are(values);
+        Warning MissingMasked { values: usize } => "{values} missing value{s} (blank, NaN or --) {are} masked",
+            s = s(values), are = are(values);
         Assumed WavelengthUnitGuessed { first: Brief, last: Brief, unit: &'static str } =>
             "no wavelength unit stated, {first} to {last} taken as {unit}";
 
@@ -65,7 +70,8 @@ wavelume_core::declare_notes! {
         Warning DetectorsSaturated { detectors: String } => "the instrument reports saturated detectors: {detectors}";
         Warning DetectorStep { percent: Brief, from: Brief, to: Brief } =>
             "a step of {percent} % from {from} to {to} nm, where two detectors meet, is kept as it is";
-        Filled ReferenceZero { values: usize } => "{values} wavelengths at which the white reference is 0 are masked";
+        Filled ReferenceZero { values: usize } => "{values} wavelength{s} at which the white reference is 0 {are} masked",
+            s = s(values), are = are(values);
         Skipped BytesAfterSpectra { bytes: usize } =>
             "{bytes} bytes after the spectra (classifiers, calibrations, an audit log)";
         Assumed PercentOfWhole =>
@@ -77,9 +83,10 @@ wavelume_core::declare_notes! {
 
         // Spectrum joined with the intensities of a luminaire.
         Filled JoinedMaskedBridged { wavelengths: usize } =>
-            "spectrum: {wavelengths} masked wavelengths left out, bridged by their neighbours";
-        Warning JoinedNegative { values: usize } => "spectrum: {values} negative values enter as they are";
+            "spectrum: {wavelengths} masked wavelength{s} left out, bridged by the neighbours", s = s(wavelengths);
+        Warning JoinedNegative { values: usize } => "spectrum: {values} negative value{s} {enter}", s = s(values), enter = either(values, "enters as it is", "enter as they are");
         Warning JoinedRangeNarrow { first_nm: Brief, last_nm: Brief } =>
-            "the spectrum covers {first_nm} to {last_nm} nm only; light outside counts as none in the candela";
+            "the spectrum covers {first_nm} to {last_nm} nm only; light outside counts as none in the candela",
+            first_nm = readable(first_nm.0), last_nm = readable(last_nm.0);
     }
 }

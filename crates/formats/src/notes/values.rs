@@ -1,18 +1,22 @@
 //! Notes on numbers, units and quantities of any format.
 
 use super::Brief;
+use super::display::{are, either, s};
 use crate::domain::Unit;
 
 wavelume_core::declare_notes! {
     /// Remarks for the user (warnings, assumptions) on numbers, units and quantities in files of any format.
     ValueNote {
         Warning Negative { values: usize, lowest: f32 } =>
-            "{values} values are negative, down to {lowest}; kept as they are";
+            "{values} value{s} {are} negative, down to {lowest}; kept as {they_are}",
+            s = s(values), are = are(values), they_are = either(values, "it is", "they are");
         Warning NegativeOf { values: usize, of: usize, lowest: f32 } =>
-            "{values} of {of} values are negative, down to {lowest}; kept as they are";
+            "{values} of {of} values {are} negative, down to {lowest}; kept as {they_are}",
+            are = are(values), they_are = either(values, "it is", "they are");
         Warning WithoutSample { missing: usize, of: usize, places: &'static str } =>
-            "{missing} of {of} {places} have no sample: masked";
-        Warning MeasuredRepeatedly { samples: usize } => "{samples} samples were measured more than once: averaged";
+            "{missing} of {of} {places} {have} no sample: masked", have = either(missing, "has", "have");
+        Warning MeasuredRepeatedly { samples: usize } => "{samples} sample{s} {were} measured more than once: averaged",
+            s = s(samples), were = either(samples, "was", "were");
         Assumed RoundedToFloat32 { element: &'static str } => "{element} values were rounded to float32";
         Assumed AnglesRounded { stored_as: &'static str } => "angles in {stored_as} are rounded to 0.0001 degrees";
         Warning QuantityAsAsked { asked: String, stated: String, source: &'static str } =>
@@ -27,18 +31,19 @@ wavelume_core::declare_notes! {
         Warning WavelengthUnitAsAsked { asked: &'static str, stated: &'static str } =>
             "wavelengths taken in {asked} as asked; the file says {stated}";
         Warning ThetaLikelyInRadians { largest_degrees: Brief } =>
-            "theta up to {largest_degrees} degrees only: radians are said by `angle_unit: rad`";
+            "theta up to {largest_degrees} degrees only: if they are radians, add `angle_unit: rad`";
         Warning WavelengthsLikelyInMicrometres { largest_nm: Brief } =>
-            "wavelengths up to {largest_nm} nm only: micrometres are said by `wavelength_unit: um`";
+            "wavelengths up to {largest_nm} nm only: if they are micrometres, add `wavelength_unit: um`";
         Warning DirectionsRestated {
             poles_percent: Option<f64>, seam_percent: Option<f64>, repeated_angles_percent: Option<f64>,
             normal_incidence_percent: Option<f64>, cancelling: Option<u64>,
-        } => "values stated for one direction differ from their mean (rms): {parts}{cancelled}",
+        } => "the file states several values for the same direction; their root mean square difference from their mean is \
+              {parts}{cancelled}",
             parts = parts(&[
-                ("poles", poles_percent),
-                ("seam", seam_percent),
-                ("angles listed twice", repeated_angles_percent),
-                ("azimuths at normal incidence", normal_incidence_percent),
+                ("at the poles", poles_percent),
+                ("between the first and the last azimuth", seam_percent),
+                ("at angles listed twice", repeated_angles_percent),
+                ("between azimuths at normal incidence", normal_incidence_percent),
             ]),
             cancelled = cancelled(cancelling);
         Skipped ExtentsWithoutGrid => "the stated extents and covers of angles, because the directions make no grid";
@@ -50,7 +55,7 @@ wavelume_core::declare_notes! {
 /// Returns a list in words of the deviations between values that a file states for one direction: the place (such as
 /// the poles) and percent of each. Deviations that are `None` are left out.
 fn parts(percentages: &[(&str, Option<f64>)]) -> String {
-    let known = percentages.iter().filter_map(|(name, percent)| Some(format!("{name} {:.2} %", (*percent)?)));
+    let known = percentages.iter().filter_map(|(name, percent)| Some(format!("{:.2} % {name}", (*percent)?)));
     known.collect::<Vec<_>>().join(", ")
 }
 

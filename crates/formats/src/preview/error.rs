@@ -26,6 +26,11 @@ pub enum PreviewError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QuestionError {
+    /// The picture of the material is a ball, which cannot have the requested look.
+    #[error(
+        "the picture of this material is a ball, made of pixels on dark ground: PNG without a title or light style"
+    )]
+    Ball,
     /// The request has an outgoing direction but no incoming one.
     #[error("found an outgoing direction (wo) without an incoming one (wi), which this {quantity} needs")]
     LoneWo {

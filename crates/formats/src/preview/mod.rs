@@ -18,34 +18,33 @@ mod colours;
 mod encode;
 mod error;
 mod font;
+mod ink;
+mod look;
 mod plot;
 mod polar;
 mod scale;
+mod svg;
 
 pub use crate::appearance::Viewing;
 pub use colours::{Colour, Colours, Question, colours};
 pub use error::{PreviewError, QuestionError};
+pub use look::{DEFAULT_SIZE, Look, SIZES, Style};
 
 use crate::appearance::Channels;
 use crate::domain::{Axis, Quantity};
 use crate::evaluate::Material;
 use error::unfit;
-use std::ops::RangeInclusive;
 
-/// Allowed picture sizes, in pixels along a side.
-pub const SIZES: RangeInclusive<usize> = 64..=512;
-/// Default picture size, in pixels along a side.
-pub const DEFAULT_SIZE: usize = 256;
-
-/// Returns a picture of `material` as PNG of `size` × `size` pixels. A BRDF, BTDF or BSDF is shown as a ball, a
+/// Returns a picture of `material` as PNG or SVG with the given look. A BRDF, BTDF or BSDF is shown as a ball, a
 /// luminaire or a phase function as a polar diagram, and spectra as a plot. `index` selects an entry of the leading
 /// index axes. Without it all spectra are drawn; other materials show their first entry.
 pub fn picture(
     material: &Material,
     index: Option<&[usize]>,
     viewing: &Viewing,
-    size: usize,
+    look: Look<'_>,
 ) -> Result<Vec<u8>, PreviewError> {
+    let size = look.size;
     if !SIZES.contains(&size) {
         let (low, high) = (*SIZES.start(), *SIZES.end());
         return unfit(QuestionError::Size { found: size, low, high });
@@ -63,16 +62,31 @@ pub fn picture(
     let first = vec![0; axes.len()];
     let entry = index.unwrap_or(&first);
     match material.quantity() {
-        Quantity::Phase if layout.outgoing.is_some() => polar::phase(material, entry, &channels, size),
-        Quantity::Edf if layout.outgoing.is_some() => polar::luminaire(material, entry, &channels, viewing, size),
+        Quantity::Phase if layout.outgoing.is_some() => polar::phase(material, entry, &channels, look),
+        Quantity::Edf if layout.outgoing.is_some() => polar::luminaire(material, entry, &channels, viewing, look),
         Quantity::Reflectance if layout.incoming.is_some() && material.wavelengths().is_none() => {
-            ball::picture(material, entry, &channels, size)
+            ball(material, entry, &channels, look)
         }
         Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf if layout.incoming.is_some() => {
-            ball::picture(material, entry, &channels, size)
+            ball(material, entry, &channels, look)
         }
-        _ => plot::spectra(material, index, &channels, size),
+        _ => plot::spectra(material, index, &channels, look),
     }
+}
+
+/// Renders a ball. It is made of pixels on dark ground, and has no other look.
+fn ball(material: &Material, entry: &[usize], channels: &Channels, look: Look<'_>) -> Result<Vec<u8>, PreviewError> {
+    if look.is_svg || look.title.is_some() || look.style != Style::Dark {
+        return unfit(QuestionError::Ball);
+    }
+    ball::picture(material, entry, channels, look.size)
+}
+
+/// Returns the remark that the wavelengths of a material give no exact colours in its picture; `None` if they do, or if
+/// the material has no wavelengths.
+pub fn colour_remark(material: &Material, viewing: &Viewing) -> Result<Option<String>, PreviewError> {
+    let Some(Axis::Wavelength(grid)) = material.axes().last() else { return Ok(None) };
+    Ok(Channels::of(material, viewing)?.remark(grid))
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! Plots of spectra over wavelength: a single one filled with the colours of its wavelengths, several as lines in their
 //! own colours. Data without wavelengths are shown as patches.
 
-use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, Point, TEXT};
+use super::canvas::{Canvas, Hold};
 use super::encode::encoded;
 use super::error::PreviewError;
+use super::ink::{Ink, Point};
+use super::look::{Look, Palette};
 use super::scale::{short, step};
 use crate::appearance::Channels;
 use crate::domain::colour::{Observer, Xyz, map_to_gamut, xyz_to_linear};
@@ -13,6 +15,10 @@ use crate::evaluate::{Interpolation, Material, Place};
 /// Upper bound on the number of curves in one plot; of more spectra, evenly spaced ones are drawn. Raising it fills the
 /// picture.
 const MOST_CURVES: usize = 48;
+/// Upper bound on the curves whose names are listed in a plot. Raising it covers more of the curves.
+const MOST_NAMES: usize = 12;
+/// Upper bound on the characters of a name that are listed in a plot. Raising it covers more of the curves.
+const LONGEST_NAME: usize = 18;
 /// Angles of incidence, in degrees, at which a plot shows the spectra of a directional reflectance.
 const INCIDENCES: [f64; 4] = [0.0, 45.0, 65.0, 80.0];
 
@@ -21,19 +27,20 @@ pub(super) fn spectra(
     material: &Material,
     index: Option<&[usize]>,
     channels: &Channels,
-    size: usize,
+    look: Look<'_>,
 ) -> Result<Vec<u8>, PreviewError> {
-    let rows = rows(material, index)?;
+    let (rows, names) = rows(material, index)?;
     let scale = brightness(material, channels, &rows);
-    let inks: Vec<Ink> = rows.iter().map(|row| ink_of(channels, row, scale)).collect();
+    let inks: Vec<Ink> = rows.iter().map(|row| ink_of(channels, row, scale, look.palette())).collect();
     match material.wavelengths() {
-        Some(wavelengths) if wavelengths.len() > 1 => curves(material, &wavelengths, &rows, &inks, size),
-        _ => patches(&inks, size),
+        Some(wavelengths) if wavelengths.len() > 1 => curves(material, &wavelengths, &rows, &names, &inks, look),
+        _ => patches(&inks, look),
     }
 }
 
-/// Returns the spectra to draw in a plot: those of the entry `index`, or of evenly spaced entries if `index` is `None`.
-fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, PreviewError> {
+/// Returns the spectra to draw in a plot, and their names, which are empty if unknown. The spectra are those of the
+/// entry `index`, or of evenly spaced entries if `index` is `None`.
+fn rows(material: &Material, index: Option<&[usize]>) -> Result<(Vec<Vec<f32>>, Vec<String>), PreviewError> {
     let layout = material.layout();
     let axes = &material.axes()[..layout.indices];
     let count: usize = axes.iter().map(Axis::len).product();
@@ -43,7 +50,7 @@ fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, P
         let most = count.min(MOST_CURVES);
         (0..most).map(|i| material.index_of(i * count / most)).collect()
     };
-    let mut rows = Vec::new();
+    let (mut rows, mut names) = (Vec::new(), Vec::new());
     for index in &picked {
         let mut row = vec![0.0; material.lambdas()];
         if layout.incoming.is_some() && picked.len() == 1 {
@@ -51,22 +58,25 @@ fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, P
                 let wi = Some(Direction::from_degrees(theta, 0.0));
                 material.evaluate(Place { index, wi, wo: None }, Interpolation::Smooth, &mut row)?;
                 rows.push(row.clone());
+                names.push(format!("{theta}°"));
             }
         } else {
             let wi = layout.incoming.map(|axis| super::colours::normal(&material.axes()[axis]));
             material.evaluate(Place { index, wi, wo: None }, Interpolation::Smooth, &mut row)?;
             rows.push(row);
+            names.push(name_of(axes, index));
         }
     }
-    Ok(rows)
+    Ok((rows, names))
 }
 
 fn curves(
     material: &Material,
     wavelengths: &[f64],
     rows: &[Vec<f32>],
+    names: &[String],
     inks: &[Ink],
-    size: usize,
+    look: Look<'_>,
 ) -> Result<Vec<u8>, PreviewError> {
     let samples = || rows.iter().flatten().copied().filter(|v| !v.is_nan()).map(f64::from);
     let largest = samples().fold(0.0, f64::max);
@@ -74,9 +84,10 @@ fn curves(
     if largest == 0.0 && smallest == 0.0 {
         return Err(crate::domain::colour::ColourError::Dark.into());
     }
-    let mut canvas = Canvas::new(size);
+    let mut canvas = Canvas::new(look);
+    let palette = canvas.palette();
     let whole = canvas.size();
-    let divisions = if size >= 200 { 5 } else { 3 };
+    let divisions = if look.size >= 200 { 5 } else { 3 };
     // Noise below 0 is shown, but does not enlarge the axis.
     let low = if smallest < -0.02 * largest { smallest } else { 0.0 };
     let high = if largest > low { largest } else { 0.0 };
@@ -104,10 +115,10 @@ fn curves(
         (0..32).map(|i| (begin + f64::from(i)) * across).take_while(|v| *v <= last + 1e-9).collect()
     };
     for &nm in &nanometres {
-        canvas.segment([x(nm), top], [x(nm), bottom], lines, GRID);
+        canvas.segment([x(nm), top], [x(nm), bottom], lines, palette.grid);
     }
     for &v in &ticks {
-        canvas.segment([left, y(v)], [right, y(v)], lines, GRID);
+        canvas.segment([left, y(v)], [right, y(v)], lines, palette.grid);
     }
     let colours = Colours::new();
     if let [row] = rows {
@@ -120,7 +131,7 @@ fn curves(
             canvas.fill(&outline, |p| (colours.at(nm_of(p[0])), 0.85));
         }
         let points: Vec<Option<Point>> = points(wavelengths, row, &x, &y);
-        canvas.line(&points, canvas.stroke(1.5), [0.92, 0.93, 0.95]);
+        canvas.line(&points, canvas.stroke(1.5), palette.curve);
     } else {
         // Strip on the axis with the colours of the wavelengths.
         let strip = canvas.stroke(4.0);
@@ -131,22 +142,54 @@ fn curves(
         for (row, ink) in rows.iter().zip(inks) {
             canvas.line(&points(wavelengths, row, &x, &y), width, *ink);
         }
+        legend(&mut canvas, [right, top], names, inks);
     }
-    canvas.segment([left, y(0.0)], [right, y(0.0)], lines, AXIS);
-    canvas.segment([left, top], [left, bottom], lines, AXIS);
+    canvas.segment([left, y(0.0)], [right, y(0.0)], lines, palette.axis);
+    canvas.segment([left, top], [left, bottom], lines, palette.axis);
     for &nm in &nanometres {
-        canvas.label([x(nm), bottom + height + 2.0], Hold::Middle, &short(nm), TEXT);
+        canvas.label([x(nm), bottom + height + 2.0], Hold::Middle, &short(nm), palette.text);
     }
     for &v in &ticks {
-        canvas.label([left - 4.0, y(v)], Hold::Right, &short(v), TEXT);
+        canvas.label([left - 4.0, y(v)], Hold::Right, &short(v), palette.text);
     }
-    canvas.label([right, top - height], Hold::Right, "nm", TEXT);
+    canvas.label([right, top - height], Hold::Right, "nm", palette.text);
     let unit = match material.unit() {
         crate::domain::Unit::One => "",
         unit => unit.name(),
     };
-    canvas.label([4.0, top - height], Hold::Left, unit, TEXT);
+    canvas.label([4.0, top - height], Hold::Left, unit, palette.text);
+    if let Some(peak) = peak(wavelengths, rows) {
+        canvas.label([0.5 * (left + right), top - height], Hold::Middle, &peak, palette.text);
+    }
     canvas.finish()
+}
+
+/// Returns the name of an entry of a table: the label of its column, if there is one.
+fn name_of(axes: &[Axis], index: &[usize]) -> String {
+    let labels = axes.iter().zip(index).filter_map(|(axis, &i)| match axis {
+        Axis::Index { labels, .. } => labels.get(i).cloned(),
+        _ => None,
+    });
+    labels.collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the largest value of all spectra and its wavelength, in words.
+fn peak(wavelengths: &[f64], rows: &[Vec<f32>]) -> Option<String> {
+    let samples = rows.iter().flat_map(|row| wavelengths.iter().zip(row)).filter(|(_, v)| !v.is_nan());
+    let (nm, value) = samples.max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    Some(format!("max {} at {} nm", short(f64::from(*value)), short(*nm)))
+}
+
+/// Lists the names of curves in their colours at the upper right corner, if there are few and all have one.
+fn legend(canvas: &mut Canvas<'_>, [right, top]: Point, names: &[String], inks: &[Ink]) {
+    if names.len() > MOST_NAMES || names.iter().any(String::is_empty) {
+        return;
+    }
+    let (_, height) = canvas.extent("0");
+    for (i, (name, ink)) in names.iter().zip(inks).enumerate() {
+        let shown: String = name.chars().take(LONGEST_NAME).collect();
+        canvas.label([right - 4.0, top + 1.5 * height * (i as f64 + 0.7)], Hold::Right, &shown, *ink);
+    }
 }
 
 fn points(wavelengths: &[f64], row: &[f32], x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) -> Vec<Option<Point>> {
@@ -168,8 +211,8 @@ fn pieces(wavelengths: &[f64], row: &[f32]) -> Vec<Vec<(f64, f64)>> {
 }
 
 /// Draws a square patch of colour for each entry of data without wavelengths.
-fn patches(inks: &[Ink], size: usize) -> Result<Vec<u8>, PreviewError> {
-    let mut canvas = Canvas::new(size);
+fn patches(inks: &[Ink], look: Look<'_>) -> Result<Vec<u8>, PreviewError> {
+    let mut canvas = Canvas::new(look);
     let whole = canvas.size();
     let columns = (1..=inks.len()).find(|n| n * n >= inks.len()).unwrap_or(1);
     let cell = whole / columns as f64;
@@ -197,15 +240,13 @@ fn brightness(material: &Material, channels: &Channels, rows: &[Vec<f32>]) -> f6
     }
 }
 
-/// Returns the display colour of the curve of a spectrum, lightened if it would be invisible on the background.
-fn ink_of(channels: &Channels, row: &[f32], scale: f64) -> Ink {
+/// Returns the display colour of the curve of a spectrum, lightened or darkened if it would be invisible on the paper.
+fn ink_of(channels: &Channels, row: &[f32], scale: f64, palette: &Palette) -> Ink {
     let linear = channels.linear(row).map(|c| f64::from(c) * scale);
     if linear.iter().any(|c| !c.is_finite()) {
-        return TEXT;
+        return palette.text;
     }
-    let ink = encoded(map_to_gamut(linear));
-    let brightest = ink.iter().copied().fold(0.0, f32::max);
-    ink.map(|c| c + (0.45 - brightest).max(0.0))
+    palette.visible(encoded(map_to_gamut(linear)), 0.45)
 }
 
 /// Display colours of wavelengths for the area under a curve: spectral colours mapped into the gamut at equal

@@ -1,16 +1,16 @@
 //! Polar diagrams: intensity of a luminaire in two planes, and a phase function over the scattering angle.
 
-use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, PAPER, Point, TEXT};
+use super::canvas::{Canvas, Hold};
 use super::encode::encoded;
 use super::error::PreviewError;
+use super::ink::{Ink, Point};
+use super::look::{Look, Palette};
 use super::scale::{short, step};
 use crate::appearance::{Channels, Viewing};
 use crate::domain::colour::map_to_gamut;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{Interpolation, Material, Place};
 
-/// Colour of the curves of a polar diagram if the light that they show is black or of unknown colour.
-const NEUTRAL: Ink = [0.66, 0.72, 0.82];
 /// Ratio of largest to smallest scattered light above which a polar diagram has a logarithmic radius. Raising it draws
 /// more diagrams linearly.
 const LINEAR_SPAN: f64 = 12.0;
@@ -40,7 +40,7 @@ pub(super) fn luminaire(
     index: &[usize],
     channels: &Channels,
     viewing: &Viewing,
-    size: usize,
+    look: Look<'_>,
 ) -> Result<Vec<u8>, PreviewError> {
     let amount = Amount::of(material, viewing);
     let mut spectrum = vec![0.0; material.lambdas()];
@@ -68,7 +68,8 @@ pub(super) fn luminaire(
     let up = planes.iter().flat_map(|p| p.iter().enumerate()).filter(|(i, _)| (*i as i32 - 180).abs() > 100);
     let up = up.map(|(_, v)| *v).filter(|v| v.is_finite()).fold(0.0, f64::max);
     let half = up < 0.04 * largest;
-    let mut canvas = Canvas::new(size);
+    let mut canvas = Canvas::new(look);
+    let palette = canvas.palette();
     let whole = canvas.size();
     let dial = dial(&canvas, half, &planes, largest);
     let (lines, wide) = (canvas.stroke(1.0), canvas.stroke(2.0));
@@ -76,12 +77,12 @@ pub(super) fn luminaire(
     let rings = step(largest, 4);
     let farthest = whole * if half { 1.4 } else { 0.9 } / dial.radius * largest;
     for ring in (1..64).map(|i| f64::from(i) * rings).take_while(|r| *r <= farthest) {
-        canvas.circle(dial.centre, dial.radius * ring / largest, lines, GRID);
+        canvas.circle(dial.centre, dial.radius * ring / largest, lines, palette.grid);
     }
     for angle in (0..360).step_by(30) {
-        canvas.segment(dial.at(0.0, 0.0), dial.at(4.0, f64::from(angle)), lines, GRID);
+        canvas.segment(dial.at(0.0, 0.0), dial.at(4.0, f64::from(angle)), lines, palette.grid);
     }
-    let ink = ink_of(light, channels.coloured());
+    let ink = ink_of(light, channels.coloured(), palette);
     let point = |i: usize, v: f64| dial.at(v.max(0.0) / largest, i as f64 - 180.0);
     let outline: Vec<Point> =
         planes[0].iter().enumerate().map(|(i, v)| point(i, if v.is_finite() { *v } else { 0.0 })).collect();
@@ -89,16 +90,16 @@ pub(super) fn luminaire(
         plane.iter().enumerate().map(|(i, v)| v.is_finite().then(|| point(i, *v))).collect()
     };
     canvas.fill(&outline, |_| (ink, 0.38));
-    dashed(&mut canvas, &line(&planes[1]), wide, mixed(ink, TEXT, 0.45));
+    canvas.dashed(&line(&planes[1]), wide, mixed(ink, palette.text, 0.45));
     canvas.line(&line(&planes[0]), wide, ink);
-    canvas.segment(dial.at(0.0, 0.0), dial.at(0.0, 0.0), 2.0 * wide, AXIS);
+    canvas.segment(dial.at(0.0, 0.0), dial.at(0.0, 0.0), 2.0 * wide, palette.axis);
     label_angles(&mut canvas, &dial, half);
     // Labels lie along 15°, between the rays.
     let shown = (1..64).map(|i| f64::from(i) * rings).take_while(|r| *r <= 1.05 * largest);
     for ring in shown {
-        canvas.label(dial.at(ring / largest, 15.0), Hold::Middle, &short(ring), TEXT);
+        canvas.label(dial.at(ring / largest, 15.0), Hold::Middle, &short(ring), palette.text);
     }
-    legend(&mut canvas, amount.unit, &[("C0-180", false), ("C90-270", true)]);
+    legend(&mut canvas, amount.unit, largest, &[("C0-180", false), ("C90-270", true)]);
     canvas.finish()
 }
 
@@ -108,7 +109,7 @@ pub(super) fn phase(
     material: &Material,
     index: &[usize],
     channels: &Channels,
-    size: usize,
+    look: Look<'_>,
 ) -> Result<Vec<u8>, PreviewError> {
     let layout = material.layout();
     let axes = material.axes();
@@ -125,7 +126,7 @@ pub(super) fn phase(
         material.evaluate(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
         let measured: Vec<f64> = spectrum.iter().filter(|v| !v.is_nan()).map(|v| f64::from(*v)).collect();
         values.push(measured.iter().sum::<f64>() / measured.len() as f64);
-        inks.push(ink_of(channels.linear(&spectrum).map(f64::from), channels.coloured()));
+        inks.push(ink_of(channels.linear(&spectrum).map(f64::from), channels.coloured(), look.palette()));
     }
     let positive = || values.iter().copied().filter(|v| v.is_finite() && *v > 0.0);
     let (smallest, largest) = (positive().fold(f64::INFINITY, f64::min), positive().fold(0.0, f64::max));
@@ -133,7 +134,8 @@ pub(super) fn phase(
         return Err(crate::domain::colour::ColourError::Dark.into());
     }
     let logarithmic = largest > LINEAR_SPAN * smallest;
-    let mut canvas = Canvas::new(size);
+    let mut canvas = Canvas::new(look);
+    let palette = canvas.palette();
     let whole = canvas.size();
     let dial = Dial { centre: [0.5 * whole, 0.5 * whole], radius: 0.40 * whole };
     let (low, high) = if logarithmic {
@@ -157,10 +159,10 @@ pub(super) fn phase(
     };
     let of_ring = |ring: f64| (ring - low) / (high - low) * dial.radius;
     for &ring in &rings {
-        canvas.circle(dial.centre, of_ring(ring), lines, GRID);
+        canvas.circle(dial.centre, of_ring(ring), lines, palette.grid);
     }
     for angle in (0..360).step_by(30) {
-        canvas.segment(dial.centre, at(1.0, f64::from(angle)), lines, GRID);
+        canvas.segment(dial.centre, at(1.0, f64::from(angle)), lines, palette.grid);
     }
     let outline: Vec<Option<Point>> =
         values.iter().enumerate().map(|(i, v)| v.is_finite().then(|| at(radius(*v), i as f64))).collect();
@@ -178,40 +180,44 @@ pub(super) fn phase(
     arrow(&mut canvas, &dial);
     for angle in (0..360_u32).step_by(30) {
         let shown = if angle > 180 { 360 - angle } else { angle };
-        canvas.label(at(1.13, f64::from(angle)), Hold::Middle, &format!("{shown}°"), TEXT);
+        canvas.label(at(1.13, f64::from(angle)), Hold::Middle, &format!("{shown}°"), palette.text);
     }
     for &ring in &rings {
         let value = if logarithmic { libm::pow(10.0, ring) } else { ring };
-        canvas.label(at((ring - low) / (high - low), 75.0), Hold::Middle, &short(value), TEXT);
+        canvas.label(at((ring - low) / (high - low), 75.0), Hold::Middle, &short(value), palette.text);
     }
-    legend(&mut canvas, symbol(material.unit()), &[]);
+    legend(&mut canvas, symbol(material.unit()), largest, &[]);
     canvas.finish()
 }
 
-/// Draws the unit in the upper left corner of a polar diagram and the key to its line styles in the upper right one.
-fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
+/// Draws the unit and the largest value in the upper left corner of a polar diagram and the key to its line styles in
+/// the upper right one.
+fn legend(canvas: &mut Canvas<'_>, unit: &str, largest: f64, lines: &[(&str, bool)]) {
+    let text = canvas.palette().text;
     let (_, height) = canvas.extent("0");
     let whole = canvas.size();
-    canvas.label([4.0, 0.5 * height + 4.0], Hold::Left, unit, TEXT);
+    canvas.label([4.0, 0.5 * height + 4.0], Hold::Left, unit, text);
+    canvas.label([4.0, 2.0 * height + 4.0], Hold::Left, &format!("max {}", short(largest)), text);
     if !canvas.is_labelled() {
         return;
     }
     for (i, (name, is_dashed)) in lines.iter().enumerate() {
         let y = 0.5 * height + 4.0 + i as f64 * 1.5 * height;
-        canvas.label([whole - 3.0, y], Hold::Right, name, TEXT);
+        canvas.label([whole - 3.0, y], Hold::Right, name, text);
         let (width, _) = canvas.extent("C90-270");
         let (end, stroke) = (whole - width - 6.0, canvas.stroke(1.5));
         let points = [Some([end - 9.0 * stroke, y]), Some([end, y])];
-        if *is_dashed { dashed(canvas, &points, stroke, TEXT) } else { canvas.line(&points, stroke, TEXT) }
+        if *is_dashed { canvas.dashed(&points, stroke, text) } else { canvas.line(&points, stroke, text) }
     }
 }
 
 /// Draws the incident light of a phase function as an arrow from the left to the centre.
-fn arrow(canvas: &mut Canvas, dial: &Dial) {
+fn arrow(canvas: &mut Canvas<'_>, dial: &Dial) {
     let width = canvas.stroke(1.5);
     let at = |r: f64, across: f64| [dial.centre[0] - dial.radius * r, dial.centre[1] + dial.radius * across];
-    canvas.segment(at(0.98, 0.0), at(0.06, 0.0), width, TEXT);
-    canvas.fill(&[at(0.0, 0.0), at(0.09, 0.04), at(0.09, -0.04)], |_| (TEXT, 1.0));
+    let text = canvas.palette().text;
+    canvas.segment(at(0.98, 0.0), at(0.06, 0.0), width, text);
+    canvas.fill(&[at(0.0, 0.0), at(0.09, 0.04), at(0.09, -0.04)], |_| (text, 1.0));
 }
 
 /// Reduction of a luminaire's spectrum to the one number that a polar diagram shows.
@@ -278,7 +284,7 @@ fn symbol(unit: Unit) -> &'static str {
 }
 
 /// Returns the position of a polar diagram with the largest radius that leaves room for the labels.
-fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Dial {
+fn dial(canvas: &Canvas<'_>, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Dial {
     let whole = canvas.size();
     let (text, height) = if canvas.is_labelled() { canvas.extent("180°") } else { (0.0, 0.0) };
     let centre = if half { [0.5 * whole, 0.13 * whole + height] } else { [0.5 * whole, 0.5 * whole] };
@@ -296,7 +302,7 @@ fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Di
 }
 
 /// Labels the rays of a polar diagram with their angles along the edge of the picture.
-fn label_angles(canvas: &mut Canvas, dial: &Dial, half: bool) {
+fn label_angles(canvas: &mut Canvas<'_>, dial: &Dial, half: bool) {
     let whole = canvas.size();
     let (_, height) = canvas.extent("0");
     let (inset, side) = (0.5 * height + 4.0, 4.0);
@@ -327,41 +333,27 @@ fn label_angles(canvas: &mut Canvas, dial: &Dial, half: bool) {
         } else {
             Hold::Left
         };
-        canvas.label(at, hold, &format!("{shown}°"), TEXT);
-    }
-}
-
-fn dashed(canvas: &mut Canvas, points: &[Option<Point>], width: f64, ink: Ink) {
-    let (on, off) = (3.0 * width, 2.5 * width);
-    let mut travelled = 0.0;
-    for pair in points.windows(2) {
-        let &[Some(a), Some(b)] = pair else { continue };
-        let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
-        let pieces = (length / (0.5 * width)).ceil().max(1.0);
-        for i in 0..pieces as usize {
-            let at = |t: f64| [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t];
-            let (s, t) = (i as f64 / pieces, (i + 1) as f64 / pieces);
-            if (travelled + s * length) % (on + off) < on {
-                canvas.segment(at(s), at(t), width, ink);
-            }
-        }
-        travelled += length;
+        let text = canvas.palette().text;
+        canvas.label(at, hold, &format!("{shown}°"), text);
     }
 }
 
 /// Returns the display colour of light given in linear sRGB, scaled to full brightness and lightened enough to be
-/// visible on a dark background.
-fn ink_of(light: [f64; 3], coloured: bool) -> Ink {
+/// visible on dark paper, or darkened for white.
+fn ink_of(light: [f64; 3], coloured: bool, palette: &Palette) -> Ink {
     let brightest = light.iter().copied().fold(0.0, f64::max);
     if !coloured || brightest <= 0.0 || light.iter().any(|c| c.is_nan()) {
-        return NEUTRAL;
+        return palette.neutral;
     }
     let ink = encoded(map_to_gamut(light.map(|c| 0.9 * c / brightest)));
-    // Deep blue would be invisible on the background.
+    if palette.paper[0] > 0.5 {
+        return palette.visible(ink, 0.0);
+    }
+    // Deep blue would be invisible on dark paper.
     let seen = ink.iter().sum::<f32>() / 3.0;
-    if seen < 0.35 { mixed(ink, TEXT, f64::from(0.35 - seen)) } else { ink }
+    if seen < 0.35 { mixed(ink, palette.text, f64::from(0.35 - seen)) } else { ink }
 }
 
 fn mixed(a: Ink, b: Ink, t: f64) -> Ink {
-    [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t as f32).map(|c| c.max(PAPER[0]))
+    [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t as f32)
 }

@@ -29,6 +29,10 @@ fn diffuser(quantity: Quantity, outgoing: Domain) -> Material {
     material(quantity, Unit::PerSteradian, axes, |_| FRAC_1_PI)
 }
 
+fn sized(size: usize) -> Look<'static> {
+    Look { size, ..Look::default() }
+}
+
 fn red(i: usize) -> f32 {
     if i % 41 > 22 { 0.8 } else { 0.05 }
 }
@@ -242,7 +246,7 @@ fn decoded(bytes: &[u8]) -> (usize, Vec<[u8; 3]>) {
 }
 
 fn drawn(material: &Material, size: usize) -> Vec<[u8; 3]> {
-    let (side, pixels) = decoded(&picture(material, None, &Viewing::default(), size).unwrap());
+    let (side, pixels) = decoded(&picture(material, None, &Viewing::default(), sized(size)).unwrap());
     assert_eq!((side, pixels.len()), (size, size * size));
     pixels
 }
@@ -310,7 +314,7 @@ fn pictures_do_not_depend_on_the_threads() {
     for (name, material) in all() {
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| picture(&material, None, &Viewing::default(), 96).unwrap())
+            pool.install(|| picture(&material, None, &Viewing::default(), sized(96)).unwrap())
         };
         assert!(on(1) == on(3), "{name}");
     }
@@ -325,7 +329,7 @@ fn a_white_ball_is_white_where_it_is_lit_in_any_light() {
     assert!(lit[0] > 215 && lit[0].abs_diff(lit[1]) < 2 && lit[1].abs_diff(lit[2]) < 2, "{lit:?}");
     assert!(at(100, 90)[0] < 200 && at(2, 2)[0] < 80, "{:?} {:?}", at(100, 90), at(2, 2));
     for viewing in viewings() {
-        let (_, pixels) = decoded(&picture(&white, None, &viewing, 128).unwrap());
+        let (_, pixels) = decoded(&picture(&white, None, &viewing, sized(128)).unwrap());
         let off = pixels.iter().flatten().zip(daylight.iter().flatten()).map(|(a, b)| a.abs_diff(*b)).max();
         assert!(off <= Some(1), "{}: {off:?}", viewing.illuminant());
     }
@@ -351,10 +355,10 @@ fn red_is_drawn_red() {
 fn impossible_pictures_are_refused() {
     let brdf = diffuser(Quantity::Brdf, Domain::Hemisphere);
     for size in [0, 63, 513, usize::MAX] {
-        let refused = picture(&brdf, None, &Viewing::default(), size).unwrap_err();
+        let refused = picture(&brdf, None, &Viewing::default(), sized(size)).unwrap_err();
         assert_eq!(refused, QuestionError::Size { found: size, low: 64, high: 512 }.into());
     }
-    let refused = picture(&brdf, Some(&[0]), &Viewing::default(), 64).unwrap_err();
+    let refused = picture(&brdf, Some(&[0]), &Viewing::default(), sized(64)).unwrap_err();
     assert_eq!(refused, QuestionError::Index { found: vec![0], shape: Vec::new() }.into());
     for (quantity, axes) in [
         (Quantity::Edf, vec![triangles(Domain::Sphere, 1)]),
@@ -362,7 +366,53 @@ fn impossible_pictures_are_refused() {
         (Quantity::Spectrum, vec![visible()]),
     ] {
         let dark = material(quantity, quantity.default_unit(), axes, |_| 0.0);
-        let refused = picture(&dark, None, &Viewing::default(), 64).unwrap_err();
+        let refused = picture(&dark, None, &Viewing::default(), sized(64)).unwrap_err();
         assert_eq!(refused, PreviewError::Colour(ColourError::Dark), "{quantity}");
     }
+}
+
+#[test]
+fn pictures_without_exact_colours_say_so() {
+    let remark = |bands: &[f64]| {
+        let bands = Axis::Wavelength(WavelengthGrid::listed(bands.to_vec()).unwrap());
+        let axes = vec![triangles(Domain::Hemisphere, 1), triangles(Domain::Hemisphere, 2), bands];
+        let paint = material(Quantity::Brdf, Unit::PerSteradian, axes, |i| 0.1 + 0.01 * (i % 3) as f32);
+        colour_remark(&paint, &Viewing::default()).unwrap().unwrap()
+    };
+    assert_eq!(
+        remark(&[450.0, 550.0, 650.0]),
+        "colours are estimated from the 3 wavelengths from 450 to 650 nm; exact ones need 400 to 700 nm in steps of at most \
+         20 nm"
+    );
+    assert!(
+        remark(&[550.0, 670.0, 870.0000001]).starts_with("grey instead of colours, which the 3 wavelengths from 550")
+    );
+    let paint = diffuser(Quantity::Brdf, Domain::Hemisphere);
+    assert_eq!(colour_remark(&paint, &Viewing::default()).unwrap(), None);
+}
+
+#[test]
+fn diagrams_have_a_light_style_a_title_and_svg() {
+    let labels = ["first", "a < b"].map(str::to_owned).to_vec();
+    let axes = vec![Axis::Index { count: 2, labels }, visible()];
+    let spectra = material(Quantity::Reflectance, Unit::One, axes, |i| 0.2 + 0.5 * (i % 41) as f32 / 41.0);
+    let draw = |look| picture(&spectra, None, &Viewing::default(), look).unwrap();
+    let look = Look { size: 512, style: Style::Light, title: Some("Two papers"), is_svg: true };
+    let svg = String::from_utf8(draw(look)).unwrap();
+    assert!(svg.starts_with("<svg ") && svg.ends_with("</svg>\n") && svg.contains("fill=\"#ffffff\""), "{svg}");
+    for text in [">Two papers<", ">first<", ">a &lt; b<", ">max 0.688 at 780 nm<", ">nm<"] {
+        assert!(svg.contains(text), "{text} in {svg}");
+    }
+    let (side, light) = decoded(&draw(Look { is_svg: false, ..look }));
+    let (_, dark) = decoded(&draw(Look { is_svg: false, style: Style::Dark, ..look }));
+    let mean =
+        |pixels: &[[u8; 3]]| pixels.iter().flatten().map(|&c| f64::from(c)).sum::<f64>() / (3 * pixels.len()) as f64;
+    assert!(side == 512 && mean(&light) > 200.0 && mean(&dark) < 80.0, "{} {}", mean(&light), mean(&dark));
+    assert_eq!(decoded(&draw(sized(1024))).0, 1024);
+    let lamp = material(Quantity::Edf, Unit::Candela, vec![triangles(Domain::Sphere, 2)], |i| 1.0 + (i % 5) as f32);
+    let svg = picture(&lamp, None, &Viewing::default(), Look { is_svg: true, ..look }).unwrap();
+    assert!(String::from_utf8(svg).unwrap().contains("stroke-dasharray"));
+    let ball = diffuser(Quantity::Brdf, Domain::Hemisphere);
+    let refused = picture(&ball, None, &Viewing::default(), look).unwrap_err();
+    assert_eq!(refused, PreviewError::Question(QuestionError::Ball));
 }

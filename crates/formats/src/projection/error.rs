@@ -1,7 +1,7 @@
 //! Reasons why a measurement cannot be put on the requested axes.
 
 use crate::domain::limits::MAX_LEVEL;
-use crate::domain::{Axis, AxisError, Domain, Quantity, TensorError, TriangleMesh};
+use crate::domain::{Axis, AxisError, Domain, Quantity, TensorError, TriangleMesh, readable};
 use crate::formats::{AzimuthExtent, StatedGridError};
 
 /// Reason why a measurement cannot be resampled to the requested axes.
@@ -354,7 +354,10 @@ pub enum SpectralError {
     #[error("wavelengths: the data have no wavelengths to resample; join a spectrum with the data")]
     NoWavelengths,
     /// All requested wavelengths lie outside the measured range.
-    #[error("wavelengths: {} to {} nm requested, measured {} to {} nm", requested.0, requested.1, measured.0, measured.1)]
+    #[error(
+        "wavelengths: {} to {} nm requested, measured {} to {} nm",
+        readable(requested.0), readable(requested.1), readable(measured.0), readable(measured.1)
+    )]
     Outside {
         /// First and last requested wavelength, in nm.
         requested: (f64, f64),

@@ -133,6 +133,10 @@ fn decimal_commas_in_lm63_are_told_by_the_count_of_numbers() {
     // As separators they stay what they are.
     let list = ies(V2002, "1,-1,1,3,1,1,2,0,0,0", "1,1,10", "0,45,90\n0\n500,43 , 2");
     assert!(!has_note(&read(&list, &Interpretation::default()).unwrap(), NoteKind::Assumed, "decimal"));
+    for program in ["import math\n\ndef turned(x):\n    tilt=0.5\n    return x * tilt\n", "tilt=NONE\nx = 1\n"] {
+        let refused = read(program.as_bytes(), &Interpretation::default()).unwrap_err();
+        assert_eq!(refused.kind, FormatErrorKind::Unrecognised, "{refused}");
+    }
     let equal = ies(V2002, "1 -1 1 3 1 1 2 0 0 0", "1 1 10", "5 5 5\n0\n500 43 2");
     let refused = read(&equal, &Interpretation::default()).unwrap_err().to_string();
     assert!(refused.contains("all 3 vertical angles are 5°, expected different ones"), "{refused}");
@@ -186,7 +190,7 @@ fn quadrants_unfold_and_tilt_factors_stay_out() {
     assert_eq!(azimuths.extent, AzimuthExtent::Mirrored);
     assert_eq!(intensity(grid_1, 2.5, 0.0), 777.6);
     assert_eq!(intensity(grid_1, 40.0, 157.5), intensity(grid_1, 40.0, 22.5));
-    assert!(has_note(&office, NoteKind::Assumed, "2 lamp(s) of 2900 lm"));
+    assert!(has_note(&office, NoteKind::Assumed, "2 lamps of 2900 lm"));
     assert!(notes(&office, NoteKind::Warning).is_empty(), "its flux fits its lamps");
 
     let flood = fixture("tests/fixtures/ies/iesna2002_example_typec.ies");
@@ -357,7 +361,7 @@ fn odd_heads_are_read_and_named_files_never_opened() {
     assert!(has_note(&plain(trailing.as_bytes()).unwrap(), NoteKind::Warning, "3 further tokens"));
     let negative = format!("{V2002}TILT=NONE\n1 -1 1 2 1 1 2 0 0 0 1 1 1 0 90 0 100 -0.5");
     let lamp = plain(negative.as_bytes()).unwrap();
-    assert!(has_note(&lamp, NoteKind::Warning, "1 intensities are negative, down to -0.5"));
+    assert!(has_note(&lamp, NoteKind::Warning, "1 intensity is negative, down to -0.5"));
     assert_eq!(intensity(grid(&lamp), 90.0, 0.0), -0.5);
 }
 
@@ -410,7 +414,7 @@ fn measured_spectra_read_as_written() {
     assert_eq!((wavelengths(&lamp)[0], tensor(&lamp).1[0]), (199.997_970_581_054_7, 0.248_356_68));
     assert!(has_note(&lamp, NoteKind::Assumed, "percent; relative values are kept"));
     let ushio = fixture("tests/fixtures/ies/ushio_b1.csv");
-    assert!(has_note(&ushio, NoteKind::Warning, "1 values are negative, down to -0.002"));
+    assert!(has_note(&ushio, NoteKind::Warning, "1 value is negative, down to -0.002"));
 
     let d65 = fixture("data/illuminant_D65.csv");
     assert_eq!((wavelengths(&d65).len(), tensor(&d65).1[52]), (97, 100.0));

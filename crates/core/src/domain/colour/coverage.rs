@@ -1,5 +1,7 @@
 //! Wavelengths required to compute a colour, and the error for spectra without them.
 
+use crate::domain::readable;
+
 /// Range of wavelengths over which the colour integrals are taken, in nm.
 pub const RANGE: (f64, f64) = (380.0, 780.0);
 /// Range of wavelengths, in nm, that a spectrum must cover for its colour to be computed.
@@ -12,7 +14,11 @@ pub const MOST_GAP: f64 = 20.0;
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ColourError {
     /// The wavelengths of the spectra do not cover the range that colours need.
-    #[error("wavelengths from {first} to {last} nm, expected at least {} to {} nm", NEEDED.0, NEEDED.1)]
+    #[error(
+        "wavelengths from {} to {} nm, expected at least {} to {} nm in steps of at most {MOST_GAP} nm (pictures and \
+         exports to RGB estimate colours from fewer)",
+        readable(*first), readable(*last), NEEDED.0, NEEDED.1
+    )]
     Uncovered {
         /// Shortest wavelength of the spectra, in nm.
         first: f64,
@@ -20,7 +26,10 @@ pub enum ColourError {
         last: f64,
     },
     /// Two neighbouring wavelengths are too far apart for a colour to be computed.
-    #[error("no wavelength between {below} and {above} nm, expected steps of at most {MOST_GAP} nm")]
+    #[error(
+        "no wavelength between {} and {} nm, expected steps of at most {MOST_GAP} nm",
+        readable(*below), readable(*above)
+    )]
     Gap {
         /// Lower of the two neighbouring wavelengths of the spectra that are too far apart, in nm.
         below: f64,

@@ -118,20 +118,6 @@ fn is_density(unit: Unit) -> bool {
 
 /// Unit of the spectral flux of an intensity in a given unit, and unit of its total over wavelengths.
 pub(super) fn units(unit: Unit) -> (&'static str, &'static str) {
-    match unit {
-        Unit::Relative => ("relative·sr", "relative·sr"),
-        Unit::One => ("sr", "sr"),
-        Unit::PerSteradian => ("1", "1"),
-        Unit::Candela => ("lm", "lm"),
-        Unit::CandelaPerKilolumen => ("lm/klm", "lm/klm"),
-        Unit::WattPerSteradian => ("W", "W"),
-        Unit::MilliwattPerSteradian => ("mW", "mW"),
-        Unit::MicrowattPerSteradian => ("uW", "uW"),
-        Unit::MicromolePerSecondSteradian => ("umol/s", "umol/s"),
-        Unit::WattPerSteradianNanometre => ("W/nm", "W"),
-        Unit::MilliwattPerSteradianNanometre => ("mW/nm", "mW"),
-        Unit::MicrowattPerSteradianNanometre => ("uW/nm", "uW"),
-        Unit::MicromolePerSecondSteradianNanometre => ("umol/s/nm", "umol/s"),
-        Unit::RelativePerNanometre => ("relative·sr/nm", "relative·sr"),
-    }
+    let spectral = unit.over_directions();
+    (spectral, spectral.strip_suffix("/nm").unwrap_or(spectral))
 }

@@ -76,9 +76,7 @@ fn reflectance_is_the_quotient_of_the_target_and_the_white_reference() {
                 assert_eq!((found.format, found.quantity, found.unit), (NAME, Quantity::Reflectance, Unit::One));
                 let values = values(&found);
                 assert_eq!(&values[..4], [0.1, 0.25, 0.5, 0.0]);
-                assert!(
-                    values[4].is_nan() && notes(&found).contains("1 wavelengths at which the white reference is 0")
-                );
+                assert!(values[4].is_nan() && notes(&found).contains("1 wavelength at which the white reference is 0"));
                 assert_eq!(notes(&found).contains("raw counts, divided"), kind == 0, "{}", notes(&found));
             }
         }

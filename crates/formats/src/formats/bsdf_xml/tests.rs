@@ -274,7 +274,7 @@ fn functions_are_chosen_and_never_guessed() {
 fn a_note_of_the_tool_before_the_declaration_is_skipped() {
     let text = file(COLUMNS, QUARTER, &[("Visible", "Reflection Front", quarter())]);
     let acquisition = plain(&format!("Recover using: genBSDF -recover /tmp/x\n{text}")).unwrap();
-    assert!(acquisition.report.notes.iter().any(|note| note.message.contains("1 lines of text before")));
+    assert!(acquisition.report.notes.iter().any(|note| note.message.contains("1 line of text before")));
     let bare = text.replace(QUARTER, "");
     let error = plain(&format!("Recover using: genBSDF -recover /tmp/x\n{bare}")).unwrap_err();
     assert!(error.format == "bsdf-xml" && error.message.contains("ColumnAngleBasis"), "{error}");

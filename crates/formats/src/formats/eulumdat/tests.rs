@@ -134,7 +134,7 @@ fn lines_may_end_in_blanks_and_numbers_have_commas() {
     let lamp = read_any(&old, &Interpretation::default()).unwrap();
     assert!(says(&lamp, NoteKind::Assumed, "Windows-1252"));
     let trailed = plain(&format!("{text}made with a tool\n")).unwrap();
-    assert!(says(&trailed, NoteKind::Warning, "1 lines after the last intensity were not read"));
+    assert!(says(&trailed, NoteKind::Warning, "1 line after the last intensity was not read"));
 }
 
 #[test]

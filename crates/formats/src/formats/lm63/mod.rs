@@ -39,7 +39,13 @@ fn probe(sample: &Sample<'_>) -> u8 {
     if first.is_some_and(|line| Revision::of_tag(line).is_some()) {
         return 100;
     }
-    if sample.head.split(['\n', '\r']).any(|line| labels::tilt(line).is_some()) { 90 } else { 0 }
+    let mut lines = sample.head.split(['\n', '\r']).filter(|line| !line.trim().is_empty());
+    if !lines.any(|line| labels::tilt(line).is_some()) {
+        return 0;
+    }
+    // A line of a program that sets a variable of this name is followed by more program.
+    let begins = |line: &str| line.trim_start().starts_with(|c: char| c.is_ascii_digit() || "+-.,".contains(c));
+    if lines.next().is_none_or(begins) { 90 } else { 0 }
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {

@@ -140,7 +140,10 @@ impl Parser<'_> {
                 } else {
                     ""
                 };
-                format!("a row of {found} cells between {separator}, expected {expected} as there are names{comma}")
+                let s = if found == 1 { "" } else { "s" };
+                format!(
+                    "found {found} cell{s} between {separator}, expected {expected}, one for each column name{comma}"
+                )
             });
             return;
         }

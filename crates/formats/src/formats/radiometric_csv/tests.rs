@@ -179,11 +179,11 @@ fn poles_are_one_direction_and_holes_are_masked() {
     assert_eq!(values[..7], [5.0, 5.0, 5.0, 1.0, 2.0, 3.0, 4.0]);
     assert!(values[7].is_nan() && values[8].is_nan());
     assert!(says(&acquisition, NoteKind::Filled, "2 missing samples at a pole"));
-    assert!(says(&acquisition, NoteKind::Warning, "2 of 9 places of the grid"));
+    assert!(says(&acquisition, NoteKind::Warning, "4 of 9 places of the grid have no sample"));
     let twice = good(&format!("{BRDF}theta_i,theta_o,phi_o,value\n10,20,0,1\n10,20,0,2\n10,20,0,6\n10,30,0,-1\n"));
     assert_eq!(grid(&twice).values, [3.0, -1.0]);
-    assert!(says(&twice, NoteKind::Warning, "1 samples were measured more than once"));
-    assert!(says(&twice, NoteKind::Warning, "1 values are negative, down to -1"));
+    assert!(says(&twice, NoteKind::Warning, "1 sample was measured more than once"));
+    assert!(says(&twice, NoteKind::Warning, "1 value is negative, down to -1; kept as it is"));
 }
 
 #[test]
@@ -298,7 +298,7 @@ fn cosines_are_divided_out() {
     let acquisition = good(&format!("{text}theta_i,theta_o,phi_o,value\n10,0,0,2\n10,60,0,2\n10,90,0,2\n"));
     let values = &grid(&acquisition).values;
     assert!(values[0] == 2.0 && (values[1] - 4.0).abs() < 1e-6 && values[2].is_nan(), "{values:?}");
-    assert!(says(&acquisition, NoteKind::Warning, "1 values at theta_o of 90"));
+    assert!(says(&acquisition, NoteKind::Warning, "1 value at theta_o of 90"));
     let missing = BRDF.replace("# cosine_included: false\n", "");
     let error = plain(&format!("{missing}theta_i,theta_o,phi_o,value\n10,0,0,2\n")).unwrap_err();
     assert!(error.message.contains("cosine_included"), "{error}");

@@ -205,7 +205,7 @@ fn the_report_says_what_was_assumed() {
     assert_eq!(read.dialect, "isotropic, 2 elevations, 2 × 2 outgoing, 2 wavelengths");
     assert_eq!(read.report.metadata, [("description".to_owned(), "test".to_owned())]);
     let notes: Vec<&str> = read.report.notes.iter().map(|note| note.message.as_str()).collect();
-    for words in ["`valid`", "two incident azimuths", "1 of 32 numbers are missing", "down to -2.5e-1", "up to 90°"] {
+    for words in ["`valid`", "two incident azimuths", "1 of 32 numbers is missing", "down to -2.5e-1", "up to 90°"] {
         assert!(notes.iter().any(|note| note.contains(words)), "{words}: {notes:?}");
     }
     let modelled = function(read);

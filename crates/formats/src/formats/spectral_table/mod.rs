@@ -70,7 +70,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     remarks(&table, &source, &mut report)?;
     let lambda = Axis::Wavelength(grid);
     let (n, columns) = (table.wavelengths.len(), table.names.len());
-    let dialect = format!("{}, {columns} column(s)", table.dialect);
+    let dialect = format!("{}, {columns} column{}", table.dialect, if columns == 1 { "" } else { "s" });
     let (axes, samples) = if columns == 1 {
         (vec![lambda], table.values)
     } else {

@@ -363,6 +363,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn empty_columns_at_the_end_of_rows_are_left_out() {
+        let rows: String = (400..=700).step_by(10).map(|nm| format!("{nm},0.{nm},,\n")).collect();
+        for (header, note) in [("Wavelength (nm),R,,\n", "2 columns that are blank"), ("", "2 columns that are blank")]
+        {
+            let text = format!("{header}{rows}");
+            let read = crate::formats::read(text.as_bytes(), &crate::formats::Interpretation::default()).unwrap();
+            let notes: Vec<&str> = read.report.notes.iter().map(|note| note.message.as_str()).collect();
+            assert!(notes.iter().any(|text| text.contains(note)), "{notes:?}");
+            assert!(!notes.iter().any(|text| text.contains("no wavelength unit")) || header.is_empty(), "{notes:?}");
+            let crate::formats::Samples::OnAxes { tensor, .. } = &read.samples else { panic!("no list of values") };
+            assert_eq!((tensor.len(), tensor.masked()), (31, 0));
+        }
+    }
+
+    #[test]
     fn units_are_read_from_lines_about_wavelengths() {
         for (line, unit) in [
             ("{ Units, Wavelength Units } SI Microns", Some(WavelengthUnit::Micrometre)),

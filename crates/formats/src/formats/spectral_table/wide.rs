@@ -310,7 +310,7 @@ mod tests {
     fn other_tables_stay_what_they_are() {
         // Excitations of a fluorescent sample.
         let found = read("wavelength (nm),380nm,390nm,400nm\n500,1,2,3\n510,2,3,4\n").unwrap();
-        assert!(found.dialect.ends_with("3 column(s)"), "{}", found.dialect);
+        assert!(found.dialect.ends_with("3 columns"), "{}", found.dialect);
     }
 
     #[test]

@@ -103,7 +103,7 @@ fn both_layouts_give_the_same_luminaire() {
         assert_eq!(grid(&other).values, grid(&new).values, "{root}");
     }
     let noted = plain(&format!("Written by a tool: <x>\n{whole}")).unwrap();
-    assert!(grid(&noted).values == grid(&new).values && says(&noted, NoteKind::Skipped, "1 lines of text before"));
+    assert!(grid(&noted).values == grid(&new).values && says(&noted, NoteKind::Skipped, "1 line of text before"));
     let utf16: Vec<u8> = "\u{feff}".encode_utf16().chain(whole.encode_utf16()).flat_map(u16::to_le_bytes).collect();
     let wide = read_any(&utf16, &Interpretation::default()).unwrap();
     assert_eq!(grid(&wide).values, grid(&new).values);

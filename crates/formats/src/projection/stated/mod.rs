@@ -83,7 +83,9 @@ pub(super) fn project(
     notes.extend(left_out);
     notes.extend(planes::gap(acquisition));
     notes.extend(spectral.notes);
-    if missing > 0 {
+    // A reader that has counted them has said so.
+    let is_said = acquisition.report.notes.iter().any(|note| note.code == "value-without-sample");
+    if missing > 0 && !is_said {
         notes.push(ProjectionNote::MissingMasked { samples: missing, of: all }.into());
     }
     let contradictions = Contradictions::of(&numbers, repeated);

@@ -101,6 +101,11 @@ fn gaps_are_masked_and_counted() {
     assert_eq!((coverage.cells, coverage.measured, coverage.empty), (24, 23, 1));
     assert!(coverage.notes[2].message.contains("4 of 72 samples are missing"), "{:?}", coverage.notes);
     assert_eq!(projected.measurement.tensor.masked(), 4);
+    // A reader that has counted them says so alone.
+    let places = "places of the grid";
+    acquisition.report.note(crate::notes::ValueNote::WithoutSample { missing: 4, of: 72, places });
+    let notes = project(&acquisition, &on_grid()).unwrap().coverage.notes;
+    assert!(!notes.iter().any(|note| note.message.contains("missing")), "{notes:?}");
 }
 
 #[test]

@@ -385,7 +385,7 @@ fn faults_of_rows_are_told_once_with_their_number() {
             row(&text, "5;10;0;0,1"),
             Malformed,
             line(31, 1),
-            "a row of 4 cells between `;`, expected 6 as there are names (25 times, the last in line 55)",
+            "found 4 cells between `;`, expected 6, one for each column name (25 times, the last in line 55)",
         ),
         (
             "other decimal mark",
@@ -399,7 +399,7 @@ fn faults_of_rows_are_told_once_with_their_number() {
             text.replace(';', ","),
             Malformed,
             line(2, 1),
-            "a row of 9 cells between `,`, expected 6 as there are names (a decimal comma separates cells",
+            "found 9 cells between `,`, expected 6, one for each column name (a decimal comma separates cells",
         ),
         (
             "two tables",

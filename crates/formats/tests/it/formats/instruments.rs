@@ -71,7 +71,7 @@ fn spectral_libraries_state_their_units() {
     let aster = instrument("aster.txt");
     assert_eq!(
         (aster.dialect.as_str(), aster.quantity, aster.unit),
-        ("spectral library, 1 column(s)", Quantity::Reflectance, Unit::One)
+        ("spectral library, 1 column", Quantity::Reflectance, Unit::One)
     );
     assert_eq!(wavelengths(&aster), [400.0, 550.0, 2500.0, 15_385.0]);
     // All below 1.5 %: by their size alone they would be fractions.
@@ -242,7 +242,7 @@ fn alta_files_are_pairs_of_directions() {
         (&scattered.spectral, scattered.values.as_slice()),
         (&Some(Axis::Rgb), &[0.25, 0.5, 0.75, 1.0, 2.0, 3.0][..])
     );
-    assert!(has_note(&half, NoteKind::Skipped, "1 rows with a direction below the horizon"));
+    assert!(has_note(&half, NoteKind::Skipped, "1 row with a direction below the horizon"));
 }
 
 #[test]
