@@ -171,7 +171,7 @@ def width(lamp, c, part):
     total = 0
     for way in (1, -1):
         around = np.roll(plane, -at)[:: way] if way == 1 else np.roll(plane, -at - 1)[::-1]
-        below = np.flatnonzero(around[: len(gamma)] <= part * plane.max())
+        below = np.flatnonzero(around <= part * plane.max())
         if len(below) == 0:
             return None
         total += below[0] * step

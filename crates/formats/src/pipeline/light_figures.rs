@@ -82,6 +82,7 @@ fn of_spectrum(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::colour::Illuminant;
     use crate::domain::{Measurement, Sampling, Tensor, Unit};
 
     fn figures(first: f64, value: fn(f64) -> f32) -> Vec<LightFigures> {
@@ -93,11 +94,12 @@ mod tests {
     }
 
     #[test]
-    fn an_equal_energy_light_has_its_temperature_and_rendering() {
-        let [light] = &figures(380.0, |_| 1.0)[..] else { panic!("one spectrum") };
-        assert!((light.xy[0] - 1.0 / 3.0).abs() < 1e-3 && (light.xy[1] - 1.0 / 3.0).abs() < 1e-3, "{light:?}");
-        assert!((light.cct.unwrap() - 5455.0).abs() < 10.0 && light.duv.unwrap().abs() < 0.006, "{light:?}");
-        assert!(light.rendering.unwrap().general > 90.0, "{light:?}");
+    fn an_incandescent_light_has_its_temperature_and_rendering() {
+        let lamp = |lambda: f64| Illuminant::A.power().at(lambda) as f32;
+        let [light] = &figures(380.0, lamp)[..] else { panic!("one spectrum") };
+        assert!((light.xy[0] - 0.4476).abs() < 1e-3 && (light.xy[1] - 0.4075).abs() < 1e-3, "{light:?}");
+        assert!((light.cct.unwrap() - 2856.0).abs() < 5.0 && light.duv.unwrap().abs() < 1e-3, "{light:?}");
+        assert!(light.rendering.unwrap().general > 99.0, "{light:?}");
     }
 
     #[test]

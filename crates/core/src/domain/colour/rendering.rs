@@ -179,8 +179,11 @@ mod tests {
             let samples: Vec<f32> = grid.values().iter().map(|lambda| value(*lambda)).collect();
             ColourRendering::of(&grid, &samples)
         };
-        assert!(flat(380.0, 10.0, 41, |_| 1.0).is_some() && flat(385.0, 5.0, 80, |_| 1.0).is_none());
-        assert!(flat(380.0, 10.0, 40, |_| 1.0).is_none() && flat(380.0, 40.0, 11, |_| 1.0).is_none());
+        let lamp = |lambda: f64| Illuminant::A.power().at(lambda) as f32;
+        assert!(flat(380.0, 10.0, 41, lamp).is_some() && flat(385.0, 5.0, 80, lamp).is_none());
+        assert!(flat(380.0, 10.0, 40, lamp).is_none() && flat(380.0, 40.0, 11, lamp).is_none());
+        // Equal energy is 0.008 from its phase of daylight.
+        assert!(flat(380.0, 10.0, 41, |_| 1.0).is_none());
         assert!(flat(380.0, 10.0, 41, |lambda| if lambda > 550.0 { f32::NAN } else { 1.0 }).is_none());
         assert!(flat(380.0, 10.0, 41, |lambda| if (500.0..560.0).contains(&lambda) { 1.0 } else { 0.1 }).is_none());
         assert!(flat(380.0, 10.0, 41, |_| 0.0).is_none());

@@ -29,7 +29,7 @@ impl Plane {
     }
 
     /// Angle in degrees between the first directions on both sides of the largest intensity with at most `part` of it.
-    /// `None` if a side has none within half a turn, or a direction before it is masked.
+    /// `None` if there is none all around, or a direction before it is masked.
     pub(super) fn width(&self, part: f64) -> Option<f64> {
         let from = self.largest()?;
         let level = part * self.points[from].1;
@@ -55,7 +55,7 @@ impl Plane {
             }
             if here.1 <= level {
                 let t = (before.1 - level) / (before.1 - here.1);
-                return Some(before.0 + t * (here.0 - before.0)).filter(|angle| *angle <= 180.0);
+                return Some(before.0 + t * (here.0 - before.0));
             }
             before = here;
         }
