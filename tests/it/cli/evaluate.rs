@@ -67,7 +67,7 @@ fn answers_beyond_the_measured_angles_say_so() {
                     theta_i,theta_o,phi_o,value\n"
         .to_owned();
     for (incoming, outgoing, azimuth) in [0, 30, 60].iter().flat_map(|i| {
-        let azimuths = |o: &'static i32| [0, 90, 180].iter().map(move |a| (*i, *o, *a));
+        let azimuths = move |o: &'static i32| [0, 90, 180].iter().map(move |a| (*i, *o, *a));
         [0, 20, 40, 60].iter().flat_map(azimuths)
     }) {
         text += &format!("{incoming},{outgoing},{azimuth},0.2\n");

@@ -7,7 +7,7 @@ use wavelume_core::evaluate::{EvaluateError, Interpolation, Material, Place, Que
 use wavelume_formats::export::{ExportError, ExportFormat, ExportOptions, export, fitting};
 use wavelume_formats::formats::Interpretation;
 use wavelume_formats::pipeline::{Input, OnGrid, Outcome, PipelineError, Request, Source, export_on_grid, read};
-use wavelume_formats::preview::{Viewing, picture};
+use wavelume_formats::preview::{Look, Viewing, picture};
 
 /// GGX of roughness 0.2 (Smith masking, Schlick's Fresnel of n = 1.5) over a Lambertian base of 0.1, 0.25 and 0.35.
 fn glossy(theta_i: f64, theta_o: f64, phi_o: f64) -> [f64; 3] {
@@ -104,7 +104,7 @@ fn assert_nothing_needs_the_rest(words: &str, outcome: &Outcome) {
     let material = opened(outcome);
     let energy = material.energy().unwrap();
     assert!(energy.albedo.is_none() && energy.reason.unwrap().contains(words));
-    let refusal = picture(&material, None, &Viewing::default(), 64).unwrap_err().to_string();
+    let refusal = picture(&material, None, &Viewing::default(), Look::default()).unwrap_err().to_string();
     assert!(refusal.starts_with("no picture of a ball: measured ") && refusal.contains(words), "{refusal}");
     for format in [ExportFormat::Rgl, ExportFormat::Merl, ExportFormat::Mbsdf] {
         let options = ExportOptions::default();
