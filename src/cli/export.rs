@@ -15,7 +15,6 @@ use crate::pipeline::{OnGrid, export_on_grid};
 use clap::{ArgMatches, Command};
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -119,11 +118,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         write_file(path, format!("{manifest}\n").as_bytes())?;
         answer["manifest"] = json!(path.display().to_string());
     }
-    // A terminal shows the warning in the report.
-    if let Some(warning) = summary.warning.as_deref().filter(|_| args.json || !std::io::stdout().is_terminal()) {
-        warn(warning);
-    }
     if args.json {
+        if let Some(warning) = &summary.warning {
+            warn(warning);
+        }
         answer["bytes"] = json!(bytes.len());
         return print_json(&Answer { answer, summary: &summary });
     }

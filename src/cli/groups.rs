@@ -47,10 +47,8 @@ fn list(program: &Command) -> String {
     for (heading, names) in GROUPS {
         let _ = write!(text, "\n{heading}:\n");
         for name in *names {
-            let about = program
-                .find_subcommand(name)
-                .and_then(Command::get_about)
-                .map_or(HELP.to_owned(), |about| about.to_string());
+            let about =
+                program.find_subcommand(name).and_then(Command::get_about).map_or(HELP.to_owned(), ToString::to_string);
             let _ = writeln!(text, "  {name:<widest$}  {}", wrapped(&about, WIDTH - widest - 4, widest + 4));
         }
     }

@@ -263,7 +263,7 @@ pub(super) fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String
     if found.mask_mismatches > stated.mask_mismatches {
         let (found, stated) = (found.mask_mismatches, stated.mask_mismatches);
         return Some(format!(
-            "{found} samples have a value in only one of the two, the measurement and the material; the file states {stated}"
+            "samples with a value in only one of the two, the measurement and the material: {found}; the file states {stated}"
         ));
     }
     let measures = [
@@ -365,6 +365,8 @@ mod tests {
         let told = excess(&stated, &ErrorReport { er_l2: 0.02, ..stated }).unwrap();
         assert_eq!(told, "er_l2 is 0.020000, the file states 0.010000");
         assert!(excess(&stated, &ErrorReport { er_l1: f64::NAN, ..stated }).is_some());
-        assert!(excess(&stated, &ErrorReport { mask_mismatches: 1, ..stated }).unwrap().contains("masked"));
+        assert!(
+            excess(&stated, &ErrorReport { mask_mismatches: 1, ..stated }).unwrap().contains("in only one of the two")
+        );
     }
 }

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Computes flux, zones, beam and field angles of luminaires from the numbers of their files, and compares `wavelume physics`.
+"""Computes flux, zones, beam and field angles of luminaires from their files, and compares `wavelume physics`.
 
     photometry.py WAVELUME      the built program
 
 A reader of its own unfolds the planes of every LM-63, EULUMDAT and TM-33 file of data/ and tests/fixtures/ that has
-intensities, and integrates them over parts of 0.05 degrees in gamma (type B: 0.1 degrees in both angles); beam and field
-angles are read off a plane sampled every 0.005 degrees. Between the angles of a file intensities are straight lines, and
-0 outside of them. Flux and zones must agree within 0.1 %, angles within 0.1 degrees, also of a luminaire with steps of
-1 degree that the script writes itself. Needs numpy only. Exit code 0 if all agree, 1 if not, 2 if something is missing.
+intensities, and integrates them over parts of 0.05 degrees in gamma (type B: 0.1 degrees in both angles). Beam and
+field angles are read off a plane sampled every 0.005 degrees. Between the angles of a file intensities are straight
+lines, and 0 outside of them. Flux and zones must agree within 0.1 %, angles within 0.1 degrees, also of a luminaire
+with steps of 1 degree that the script writes itself. Needs numpy only. Exit code 0 if all agree, 1 if not, 2 if
+something is missing.
 """
 import json
 import re

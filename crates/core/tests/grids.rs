@@ -262,7 +262,15 @@ fn check_function(file: &[u8], measurement: &Measurement, settings: &Settings, f
     let axes = measurement.tensor.axes();
     let at = axes.iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
     let wis = if at > 0 { directions(&axes[0]) } else { vec![(None, 0)] };
-    let wos = directions(&axes[at]);
+    let mut wos = directions(&axes[at]);
+    if let Axis::Grid(grid) = &axes[at]
+        && (at, grid.frame(), grid.azimuths()) == (1, Frame::Surface, None)
+    {
+        // Polar angles alone lie on the mirror's side of the plane of incidence.
+        for (wo, _) in &mut wos {
+            *wo = wo.map(|wo| Direction::from_degrees(wo.theta_degrees(), 180.0));
+        }
+    }
     let mut spectrum = vec![0.0; material.lambdas()];
     let largest = found.iter().fold(0.0_f32, |largest, s| largest.max(s.abs()));
     let is_linear = found.iter().any(|&s| s < 0.0);

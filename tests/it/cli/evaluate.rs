@@ -1,6 +1,7 @@
 //! Spectra and samples of materials on the command line, and lists of known formats and bases.
 
 use super::{LAMBDAS, at, data, done, json, material, npy, read_npy, refused, workshop};
+use std::fmt::Write as _;
 use std::process::{Command, Stdio};
 
 #[test]
@@ -70,7 +71,7 @@ fn answers_beyond_the_measured_angles_say_so() {
         let azimuths = move |o: &'static i32| [0, 90, 180].iter().map(move |a| (*i, *o, *a));
         [0, 20, 40, 60].iter().flat_map(azimuths)
     }) {
-        text += &format!("{incoming},{outgoing},{azimuth},0.2\n");
+        writeln!(text, "{incoming},{outgoing},{azimuth},0.2").unwrap();
     }
     std::fs::write(&table, text).unwrap();
     done(&["compress", &table, "-o", &out]);

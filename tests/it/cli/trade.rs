@@ -24,7 +24,7 @@ fn inspect_says_what_the_file_knows() {
         let found = text.lines().find(|line| line.trim_start().starts_with(&format!("{label}  ")));
         assert_eq!(found.map(|line| line.trim()[label.len()..].trim()), Some(value), "{text}");
     }
-    let product = &json(&["inspect", &out])["product"];
+    let product = &json(&["inspect", &out, "--json"])["product"];
     assert_eq!((product["maker"].as_str(), product["watts"].as_f64()), (Some("Ingemann"), Some(60.22)));
     assert_eq!(product["instrument"], serde_json::Value::Null);
 }
@@ -34,7 +34,7 @@ fn physics_states_the_figures_of_a_luminaire() {
     let dir = tempfile::tempdir().unwrap();
     let out = at(&dir, "lamp.wlm");
     done(&["compress", &fixture("ldt/example.ldt"), "-o", &out, "--lossless"]);
-    let report = json(&["physics", &out]);
+    let report = json(&["physics", &out, "--json"]);
     let lamp = &report["luminaire"][0];
     let flux = lamp["flux"].as_f64().unwrap();
     // The reader of the file sums 5136.1 lm.
@@ -53,7 +53,7 @@ fn physics_states_the_figures_of_a_luminaire() {
     }
     // Absolute photometry and no watts: no ratio, no efficacy.
     done(&["compress", &fixture("ies/photometric-viewer/absolute_photometry.ies"), "-o", &out, "--lossless"]);
-    let lamp = &json(&["physics", &out])["luminaire"][0];
+    let lamp = &json(&["physics", &out, "--json"])["luminaire"][0];
     assert_eq!(
         (&lamp["light_output_ratio"], &lamp["lamp_lumens"]),
         (&serde_json::Value::Null, &serde_json::Value::Null)

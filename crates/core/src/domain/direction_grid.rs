@@ -103,9 +103,9 @@ const ROUNDING: f64 = 1e-9;
 /// error of directions in float32 or with six digits, which would otherwise miss the values measured on the border. In
 /// the direction of the azimuth it is the distance on the sphere.
 const BORDER: f64 = 1e-3;
-/// Largest step in degrees between neighbouring azimuths across which values are interpolated. Raising it takes fewer
-/// grids for scans in planes.
-const WIDEST_STEP: f64 = 90.0;
+/// Largest angle in degrees between neighbouring azimuths of a surface between which values are interpolated. Wider
+/// gaps separate planes of a scan, between which nothing is known. Raising it interpolates across wider gaps.
+pub const WIDEST_GAP: f64 = 90.0;
 /// Largest azimuth accepted in a file, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
 
@@ -525,7 +525,7 @@ impl DirectionGrid {
             _ => [2.0 * (first - low), 2.0 * (high - last)],
         };
         let steps = angles.array_windows().map(|[a, b]| b - a).chain(around.into_iter().filter(|step| *step > 0.0));
-        steps.into_iter().all(|step| step > WIDEST_STEP)
+        steps.into_iter().all(|step| step > WIDEST_GAP)
     }
 
     /// Returns the grid entry nearest to a direction in polar angle and azimuth; `None` outside the angles that the

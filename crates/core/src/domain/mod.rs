@@ -39,7 +39,7 @@ mod wavelengths;
 pub use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
-pub use direction_grid::{AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError, Frame, Outside};
+pub use direction_grid::{AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError, Frame, Outside, WIDEST_GAP};
 pub use errors::{DEFAULT_ERROR, ErrorAccumulator, ErrorReport};
 pub use lattice::Symmetry;
 pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};

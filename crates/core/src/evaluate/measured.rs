@@ -6,9 +6,6 @@ use std::fmt;
 /// Least share of the outgoing directions, from 0 to 1, whose measured values stand for all of them. Raising it refuses
 /// albedos of instruments that do not reach the horizon: a measurement up to a polar angle of 64° has 0.8.
 const ENOUGH: f64 = 0.8;
-/// Largest angle in degrees between neighbouring azimuths of a surface between which values are interpolated. Wider
-/// gaps separate planes of a scan, between which nothing is known. Raising it interpolates across wider gaps.
-pub(super) const WIDEST_GAP: f64 = 90.0;
 /// Distance of a unit vector from a plane within which the vector lies in the plane. It is larger than the error of
 /// directions in float32 or with six digits. Raising it answers for more directions beside a scan in one plane.
 pub(super) const ON_PLANE: f64 = 2e-5;

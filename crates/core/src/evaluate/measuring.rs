@@ -2,10 +2,12 @@
 
 use super::error::{EvaluateError, QueryError, unfit};
 use super::lines::{Node, azimuth_nodes};
-use super::measured::{MeasuredExtent, MeasuredShare, ON_PLANE, WIDEST_GAP, has_planes, is_normal};
+use super::measured::{MeasuredExtent, MeasuredShare, ON_PLANE, has_planes, is_normal};
 use super::stated::domain_of;
 use crate::compress::{EVERYWHERE, polar_weights, weights};
-use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Domain, Layout, Measurement, Outside, Quantity, TriangleMesh};
+use crate::domain::{
+    Axis, AzimuthExtent, DirectionGrid, Domain, Layout, Measurement, Outside, Quantity, TriangleMesh, WIDEST_GAP,
+};
 use std::f64::consts::{PI, TAU};
 
 impl MeasuredShare {

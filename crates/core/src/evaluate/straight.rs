@@ -54,7 +54,7 @@ mod tests {
     use super::*;
     use crate::compress::{self, Policy, Settings, Target};
     use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, Frame, Sampling, Silent, Tensor, Unit};
-    use crate::evaluate::Material;
+    use crate::evaluate::{Interpolation, Material};
 
     fn evenly(count: usize, to: f64) -> Vec<f64> {
         (0..count).map(|i| to * i as f64 / (count - 1) as f64).collect()
@@ -71,8 +71,11 @@ mod tests {
         Measurement::new(Quantity::Edf, Unit::Candela, Sampling::Point, tensor).unwrap()
     }
 
+    /// Flux of the function of a material, which may curve between the angles.
     fn flux(material: &Material) -> f64 {
-        material.energy().unwrap().flux.unwrap()[0].luminous.unwrap()
+        let mut flux = [0.0];
+        material.albedo(&[], None, Interpolation::Smooth, &mut flux).unwrap();
+        f64::from(flux[0])
     }
 
     #[test]

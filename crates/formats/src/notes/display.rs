@@ -4,17 +4,17 @@ use crate::domain::{NoteValue, ToNoteValue};
 use std::fmt;
 
 /// Returns the ending of a regular plural: nothing for one thing, else `s`.
-pub(super) fn s(count: impl PartialEq + From<u8>) -> &'static str {
+pub(super) fn s(count: impl Copy + PartialEq + From<u8>) -> &'static str {
     either(count, "", "s")
 }
 
 /// Returns the verb for a number of things: `is` for one, else `are`.
-pub(super) fn are(count: impl PartialEq + From<u8>) -> &'static str {
+pub(super) fn are(count: impl Copy + PartialEq + From<u8>) -> &'static str {
     either(count, "is", "are")
 }
 
 /// Returns `one` for a single thing, else `many`.
-pub(super) fn either<N: PartialEq + From<u8>, T>(count: N, one: T, many: T) -> T {
+pub(super) fn either<N: Copy + PartialEq + From<u8>, T>(count: N, one: T, many: T) -> T {
     if count == N::from(1) { one } else { many }
 }
 

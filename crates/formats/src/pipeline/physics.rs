@@ -75,7 +75,7 @@ impl PhysicsReport {
             energy,
             reciprocity: if has_two_ways { Some(material.reciprocity()?) } else { None },
             luminaire: material
-                .luminaire()?
+                .luminaire()
                 .into_iter()
                 .map(|figures| LuminaireFigures::of(figures, &product))
                 .collect(),

@@ -2,14 +2,11 @@
 //! become scattered samples where triangles are wanted.
 
 use super::request::DirectionDomain;
-use crate::domain::{Axis, Note};
+use crate::domain::{Axis, Note, WIDEST_GAP};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
 use crate::notes::ProjectionNote;
 use std::borrow::Cow;
 
-/// Largest gap in degrees between azimuths across which values can be interpolated. Wider gaps separate scan planes.
-/// Raising it averages more scans as grids where triangles are wanted.
-const PLANES: f64 = 90.0;
 /// Largest number of direction pairs for which a grid of scan planes is treated as scattered samples; larger grids are
 /// averaged as grids. Scans in planes have fewer.
 const MOST: usize = 1 << 22;
@@ -72,13 +69,13 @@ fn pairs_of_directions(acquisition: &Acquisition) -> Option<(&AngleGrid, &Angles
 /// Returns a note on the widest gap between the outgoing azimuths of a grid if nothing is known across it.
 pub(super) fn gap(acquisition: &Acquisition) -> Option<Note> {
     let (_, _, outgoing) = pairs_of_directions(acquisition).filter(|_| !DENSE.contains(&acquisition.format))?;
-    let [from_degrees, to_degrees] = widest_gap(outgoing).filter(|[from, to]| to - from > PLANES)?;
+    let [from_degrees, to_degrees] = widest_gap(outgoing).filter(|[from, to]| to - from > WIDEST_GAP)?;
     Some(ProjectionNote::AzimuthGap { from_degrees, to_degrees }.into())
 }
 
 /// Returns true if the azimuths of a grid are scan planes, or have a gap across which nothing is known.
 fn is_plane(angles: &Angles) -> bool {
-    single_azimuth(angles).is_some() || widest_gap(angles).is_some_and(|[from, to]| to - from > PLANES)
+    single_azimuth(angles).is_some() || widest_gap(angles).is_some_and(|[from, to]| to - from > WIDEST_GAP)
 }
 
 /// Returns true if the angles of a grid cover an area on the sphere: they are neither a single ring nor scan planes.

@@ -322,11 +322,7 @@ fn one_incident_azimuth_is_isotropic() {
 fn nothing_is_known_between_the_planes_of_a_scan() {
     let acquired = scan(0.0, vec![0.0, 180.0], AzimuthExtent::Circle);
     let projected = project(&acquired, &levels(None, Some(4))).unwrap();
-    assert!(
-        projected.coverage.notes[0].message.contains("more than 90 degrees apart"),
-        "{:?}",
-        projected.coverage.notes
-    );
+    assert!(projected.coverage.notes[0].message.contains("more than 90° apart"), "{:?}", projected.coverage.notes);
     let [_, Axis::Triangles(mesh)] = projected.measurement.tensor.axes() else { panic!("elevations and triangles") };
     let samples = projected.measurement.tensor.samples();
     for (cell, &sample) in samples.iter().enumerate() {

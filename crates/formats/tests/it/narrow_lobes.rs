@@ -380,7 +380,8 @@ fn scans_of_few_samples_have_a_light_or_none() {
     assert_eq!((one.light_at_samples.len(), one.light_at_samples[0].values), (1, 1));
     assert!(one.light_at_samples[0].kept.unwrap().abs() < 0.01);
     let dark = of(&[[30.0, 0.0]; 3], &[[30.0, 180.0], [30.0, 90.0], [10.0, 180.0]], 0.0);
-    assert_eq!((dark.light_at_samples[0].values, dark.light_at_samples[0].kept), (3, None));
+    // Three samples are no area that stands for all directions.
+    assert!(dark.light_at_samples.is_empty(), "{:?}", dark.light_at_samples);
     assert_eq!(dark.fit.unwrap().light.unwrap().all, None);
     // Each sample under an incidence of its own, in a plane.
     let own: Vec<[f64; 2]> = (0..40).map(|i| [2.0 * f64::from(i), 0.0]).collect();

@@ -202,9 +202,9 @@ fn logarithms_lossless_and_other_bases_are_converted_and_the_error_reported() {
     let lossless = file(&brdf(3), &settings(Target::Lossless, Policy::Rd, "auto"));
     let haar = file(&brdf(4), &settings(Target::ErL2(0.05), Policy::Conventional, "haar"));
     for (files, expected) in [
-        (vec![rd(1), rd(2)], "the file of material 1 stores no"),
-        (vec![linear.clone(), rd(1)], "the file of material 2 stores no"),
-        (vec![linear.clone(), lossless], "the file of material 2 stores no"),
+        (vec![rd(1), rd(2)], "the file of material 1 holds no coefficients"),
+        (vec![linear.clone(), rd(1)], "the file of material 2 holds no coefficients"),
+        (vec![linear.clone(), lossless], "the file of material 2 holds no coefficients"),
         (vec![linear, haar], "the coefficients of material 2 are in other bases"),
     ] {
         let sum = combined(&files, &[0.3, 0.7]);

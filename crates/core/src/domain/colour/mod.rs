@@ -3,7 +3,7 @@
 //! # Conventions
 //! * In [`Xyz`] the perfect reflector (or the given white) has Y = 100; only [`Tristimulus::emission`] is absolute.
 //! * The observer is the CIE 1931 2° observer unless another is given. No function adapts implicitly. CIELAB is
-//! relative to the given white. sRGB expects XYZ under D65; [`Adaptation`] converts from another white.
+//!   relative to the given white. sRGB expects XYZ under D65; [`Adaptation`] converts from another white.
 //! * Negative samples are summed unchanged, so XYZ may be negative; no formula here clips.
 //!
 //! # Sources CIE 015:2018 *Colorimetry*; CIE 013.3-1995; ASTM E308-18 and E2022; IEC 61966-2-1:1999 with its Amendment

@@ -78,7 +78,7 @@ impl<'a> Tables<'a> {
         let triangles = triangles.into_iter().map(|predicting| predicting.map(others)).collect();
         let scan = geometry.outgoing_grid().filter(|grid| grid.is_scan());
         let is_scan = scan.is_some();
-        let outgoing = scan.map_or_else(|| outgoing(domain), |grid| outgoing_of(grid));
+        let outgoing = scan.map_or_else(|| outgoing(domain), outgoing_of);
         Some(Self { form, geometry, domain, alignment, incidences, outgoing, is_scan, triangles })
     }
 

@@ -3,9 +3,8 @@
 
 use super::line::{Along, Line, Node};
 use crate::domain::vector::Vector;
-use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside};
+use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside, WIDEST_GAP};
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
-use crate::evaluate::measured::WIDEST_GAP;
 use crate::numeric::wide;
 
 /// Difference in degrees below which two azimuths count as equal: an azimuth in a mirror plane and its own mirror

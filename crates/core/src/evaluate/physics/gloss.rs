@@ -40,7 +40,7 @@ impl Material {
         let weights = self.luminous_weights();
         let reports = GEOMETRIES.map(|(angle, along, across)| {
             let gloss = weights.as_ref().and_then(|weights| {
-                let light = self.into_aperture(index, angle, (along, across), weights)?;
+                let light = self.light_in_aperture(index, angle, (along, across), weights)?;
                 Some(100.0 * light / fresnel(angle))
             });
             GlossReport { angle, gloss }
@@ -62,7 +62,13 @@ impl Material {
     }
 
     /// Part of the light from an angle of incidence that is reflected into an aperture about the mirror direction.
-    fn into_aperture(&self, index: &[usize], angle: f64, (along, across): (f64, f64), weights: &[f32]) -> Option<f64> {
+    fn light_in_aperture(
+        &self,
+        index: &[usize],
+        angle: f64,
+        (along, across): (f64, f64),
+        weights: &[f32],
+    ) -> Option<f64> {
         let wi = Direction::from_degrees(angle, 0.0);
         let (steps, side) = PARTS;
         let mut sum = 0.0;

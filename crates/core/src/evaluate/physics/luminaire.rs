@@ -7,8 +7,7 @@
 use super::flux::units;
 use super::plane::Plane;
 use crate::compress::weights_of_zone;
-use crate::domain::{Direction, DirectionGrid, Frame, Outside, Quantity, Unit};
-use crate::evaluate::error::EvaluateError;
+use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside, Quantity, Unit};
 use crate::evaluate::material::Material;
 use crate::evaluate::photometry::Photometry;
 use crate::evaluate::place::{Interpolation, Place};
@@ -89,42 +88,39 @@ pub struct ZoneReport {
 impl Material {
     /// Computes the photometric figures of a luminaire, for each combination of indices. Empty for other materials, and
     /// for spectra that make no intensity ([`Material::photometry`]).
-    pub fn luminaire(&self) -> Result<Vec<LuminaireReport>, EvaluateError> {
+    pub fn luminaire(&self) -> Vec<LuminaireReport> {
         match self.photometry() {
             Some(photometry) => (0..self.geometry().entries()).map(|entry| self.figures(entry, &photometry)).collect(),
-            None => Ok(Vec::new()),
+            None => Vec::new(),
         }
     }
 
-    fn figures(&self, entry: usize, photometry: &Photometry) -> Result<LuminaireReport, EvaluateError> {
+    fn figures(&self, entry: usize, photometry: &Photometry) -> LuminaireReport {
         let row = self.flux_row(entry);
         let flux: f64 = row.iter().zip(&photometry.weights).map(|(&flux, weight)| f64::from(flux) * weight).sum();
         let flux = Some(flux).filter(|flux| flux.is_finite());
         let index = self.index_of(entry);
-        let (peak, planes, zones) = match self.outgoing_grid() {
-            Some(grid) => {
-                let intensities = Intensities { grid, values: &photometry.intensities(&self.slice(entry)) };
-                let planes = PLANES.map(|(name, c)| plane(name, c, |c| intensities.half(c)));
-                (intensities.peak(), planes, intensities.zones(flux))
-            }
-            None => {
-                let weights: Vec<f32> = photometry.weights.iter().map(|&weight| weight as f32).collect();
-                let at = |c: f64, gamma: f64, how: Interpolation| {
-                    let wo = Some(Direction::from_luminaire_degrees(c, gamma));
-                    self.weighted(Place { index: &index, wi: None, wo }, how, &weights).map_or(f64::NAN, f64::from)
-                };
-                let smooth = |c: f64, gamma: f64| at(c, gamma, Interpolation::Smooth);
-                let planes = PLANES.map(|(name, c)| plane(name, c, |c| even(|gamma| smooth(c, gamma))));
-                let centroids = self.geometry().mesh().into_iter().flat_map(|lookup| {
-                    let mesh = lookup.mesh();
-                    (0..mesh.len()).map(move |cell| mesh.centroid(cell).luminaire_degrees())
-                });
-                let peak = largest(centroids.map(|[c, gamma]| IntensityAt { value: smooth(c, gamma), c, gamma }));
-                (peak, planes, midpoints(flux, |c, gamma| at(c, gamma, Interpolation::Constant)))
-            }
+        let (peak, planes, zones) = if let Some(grid) = self.outgoing_grid() {
+            let intensities = Intensities { grid, values: &photometry.intensities(&self.slice(entry)) };
+            let planes = PLANES.map(|(name, c)| plane(name, c, |c| intensities.half(c)));
+            (intensities.peak(), planes, intensities.zones(flux))
+        } else {
+            let weights: Vec<f32> = photometry.weights.iter().map(|&weight| weight as f32).collect();
+            let at = |c: f64, gamma: f64, how: Interpolation| {
+                let wo = Some(Direction::from_luminaire_degrees(c, gamma));
+                self.weighted(Place { index: &index, wi: None, wo }, how, &weights).map_or(f64::NAN, f64::from)
+            };
+            let smooth = |c: f64, gamma: f64| at(c, gamma, Interpolation::Smooth);
+            let planes = PLANES.map(|(name, c)| plane(name, c, |c| even(|gamma| smooth(c, gamma))));
+            let centroids = self.geometry().mesh().into_iter().flat_map(|lookup| {
+                let mesh = lookup.mesh();
+                (0..mesh.len()).map(move |cell| mesh.centroid(cell).luminaire_degrees())
+            });
+            let peak = largest(centroids.map(|[c, gamma]| IntensityAt { value: smooth(c, gamma), c, gamma }));
+            (peak, planes, midpoints(flux, |c, gamma| at(c, gamma, Interpolation::Constant)))
         };
         let (flux_unit, _) = units(photometry.unit);
-        Ok(LuminaireReport { index, unit: photometry.unit, peak, planes: planes.to_vec(), zones, flux, flux_unit })
+        LuminaireReport { index, unit: photometry.unit, peak, planes: planes.to_vec(), zones, flux, flux_unit }
     }
 
     /// Grid of angles of the outgoing directions; `None` for triangles.
@@ -194,7 +190,7 @@ impl Intensities<'_> {
             Some(angles) => {
                 let (first, last) = (angles[0], angles.len() - 1);
                 let extent = self.grid.azimuths().map(|azimuths| azimuths.extent);
-                if extent.is_some_and(|extent| extent.is_periodic()) && azimuth > angles[last] {
+                if extent.is_some_and(AzimuthExtent::is_periodic) && azimuth > angles[last] {
                     let t = (azimuth - angles[last]) / (first + 360.0 - angles[last]);
                     [(last, 1.0 - t), (0, t)]
                 } else {
@@ -297,9 +293,10 @@ mod tests {
             let direction = axes[0].direction(entry).unwrap();
             std::iter::repeat_n(value(direction) as f32, lambdas)
         });
-        let tensor = Tensor::new(axes.clone(), samples.collect()).unwrap();
+        let samples = samples.collect();
+        let tensor = Tensor::new(axes, samples).unwrap();
         let measurement = Measurement::new(Quantity::Edf, unit, Sampling::Average, tensor).unwrap();
-        Material::of(measurement).unwrap().luminaire().unwrap().remove(0)
+        Material::of(measurement).unwrap().luminaire().remove(0)
     }
 
     fn lambert(direction: Direction) -> f64 {

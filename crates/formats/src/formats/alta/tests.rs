@@ -116,5 +116,5 @@ fn values_are_brdfs_where_the_user_says_so() {
     assert!(grid.values[0] == 0.3 && grid.values[1].is_nan() && grid.values[2] == 0.5, "{:?}", grid.values);
     let has =
         |kind, words: &str| found.report.notes.iter().any(|note| note.kind == kind && note.message.contains(words));
-    assert!(has(NoteKind::Skipped, "confidence limits of 1 rows") && has(NoteKind::Assumed, "as asked"));
+    assert!(has(NoteKind::Skipped, "confidence limits of 1 row") && has(NoteKind::Assumed, "as asked"));
 }

@@ -258,7 +258,10 @@ fn grid(
     if filled > 0 {
         report.note_unfolding(ScatteringNote::PolesFilled { samples: filled });
     }
-    count_missing(kept.as_deref().unwrap_or(&values), "places of the grid", report);
+    // Missing at poles alone, which directions beside them fill, is no fault of the file.
+    let is_complete = !values.iter().any(|value| value.is_nan());
+    let counted = kept.as_deref().filter(|_| !is_complete).unwrap_or(&values);
+    count_missing(counted, "places of the grid", report);
     let [theta_i, phi_i, theta_o, phi_o] = lattice.angles;
     let [_, _, n_theta_o, n_phi_o] = lattice.shape;
     // Inner azimuths first: closing them changes the stride of the outer ones.

@@ -509,7 +509,7 @@ fn headers_and_columns_are_checked() {
         (format!("{BRDF}# angle_unit: rad\n{body}"), "`angle_unit` twice"),
         (format!("{BRDF}# isotropic: perhaps\n{body}"), "isotropic `perhaps`"),
         (format!("{BRDF}theta_i,theta_o,phi_o\n10,20,0\n"), "no column `value`"),
-        (format!("{BRDF}theta_i;theta_o;phi_o;value\n10;20;0\n"), "a row of 3 cells between `;`, expected 4"),
+        (format!("{BRDF}theta_i;theta_o;phi_o;value\n10;20;0\n"), "found 3 cells between `;`, expected 4"),
         (format!("{BRDF}theta_i\ttheta_o\tphi_o\tvalue\n"), "no rows of numbers"),
         (format!("{BRDF}theta_i theta_o phi_o value\n"), "no rows of numbers"),
         (format!("{BRDF}theta_i,theta_o,phi_o,value,value\n"), "a second column `value`"),

@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn empty_columns_at_the_end_of_rows_are_left_out() {
-        let rows: String = (400..=700).step_by(10).map(|nm| format!("{nm},0.{nm},,\n")).collect();
+        let rows = (400..=700).step_by(10).map(|nm| format!("{nm},0.{nm},,")).collect::<Vec<_>>().join("\n");
         for (header, note) in [("Wavelength (nm),R,,\n", "2 columns that are blank"), ("", "2 columns that are blank")]
         {
             let text = format!("{header}{rows}");

@@ -154,7 +154,7 @@ mod tests {
         close(found.seam, 100.0 * (2.0 * 0.05_f64.powi(2) / 4.0).sqrt());
         assert_eq!((found.planes, found.normal_incidence), (None, None));
         let sentence = found.note().unwrap().message;
-        assert!(sentence.ends_with("(rms): poles 8.16 %, seam 3.54 %"), "{sentence}");
+        assert!(sentence.ends_with("8.16 % at the poles, 3.54 % between the first and the last azimuth"), "{sentence}");
     }
 
     #[test]
