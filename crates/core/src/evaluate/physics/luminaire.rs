@@ -111,7 +111,7 @@ impl Material {
                 self.weighted(Place { index: &index, wi: None, wo }, how, &weights).map_or(f64::NAN, f64::from)
             };
             let smooth = |c: f64, gamma: f64| at(c, gamma, Interpolation::Smooth);
-            let planes = PLANES.map(|(name, c)| plane(name, c, |c| even(|gamma| smooth(c, gamma))));
+            let planes = PLANES.map(|(name, c)| plane(name, c, |c| even(STEPS, |gamma| smooth(c, gamma))));
             let centroids = self.geometry().mesh().into_iter().flat_map(|lookup| {
                 let mesh = lookup.mesh();
                 (0..mesh.len()).map(move |cell| mesh.centroid(cell).luminaire_degrees())
@@ -156,7 +156,8 @@ impl Intensities<'_> {
         let (first, last) = match self.grid.frame() {
             Frame::TypeC => self.grid.covers(),
             Frame::Surface => (180.0 - self.grid.covers().1, 180.0 - self.grid.covers().0),
-            _ => return even(|gamma| self.at(c, gamma)),
+            // Where the grid ends, intensities drop between two steps.
+            _ => return even(10 * STEPS, |gamma| self.at(c, gamma)),
         };
         let listed = self.grid.polar().iter();
         let mut gammas: Vec<f64> = match self.grid.frame() {
@@ -238,9 +239,9 @@ fn largest(all: impl Iterator<Item = IntensityAt>) -> Option<IntensityAt> {
     known.fold(None, |best: Option<IntensityAt>, one| best.filter(|best| best.value >= one.value).or(Some(one)))
 }
 
-/// Intensities of a half plane at even steps of gamma.
-fn even(at: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
-    (0..=STEPS).map(|i| 180.0 * i as f64 / STEPS as f64).map(|gamma| (gamma, at(gamma))).collect()
+/// Intensities of a half plane at even steps of gamma, `steps` from 0 to 180 degrees.
+fn even(steps: usize, at: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
+    (0..=steps).map(|i| 180.0 * i as f64 / steps as f64).map(|gamma| (gamma, at(gamma))).collect()
 }
 
 /// Report on the plane of the half planes at the azimuths `c` and `c` + 180°.
