@@ -156,7 +156,7 @@ impl Intensities<'_> {
         let (first, last) = match self.grid.frame() {
             Frame::TypeC => self.grid.covers(),
             Frame::Surface => (180.0 - self.grid.covers().1, 180.0 - self.grid.covers().0),
-            // Where the grid ends, intensities drop between two steps.
+            // Intensities drop between two steps where the grid ends.
             _ => return even(10 * STEPS, |gamma| self.at(c, gamma)),
         };
         let listed = self.grid.polar().iter();
