@@ -105,7 +105,7 @@ def evaluate(program, material, pairs, *options):
     )
     if done.returncode != 0:
         raise SystemExit(f"evaluate {material}: {done.stderr.strip()}")
-    return np.loadtxt(io.StringIO(done.stdout), delimiter=",", skiprows=1, ndmin=2)[:, -1]
+    return np.loadtxt(io.StringIO(done.stdout), delimiter=",", skiprows=1, ndmin=2)[:, 0]
 
 
 def check(name, what, difference, tolerance):

@@ -198,6 +198,22 @@ impl Unit {
         }
     }
 
+    /// Returns the factor from a unit of spectral intensity to W·sr⁻¹·nm⁻¹; `None` for other units. For units of
+    /// photons it applies after the conversion of photons to energy.
+    pub fn watts(self) -> Option<f64> {
+        match self {
+            Self::WattPerSteradianNanometre | Self::MicromolePerSecondSteradianNanometre => Some(1.0),
+            Self::MilliwattPerSteradianNanometre => Some(1e-3),
+            Self::MicrowattPerSteradianNanometre => Some(1e-6),
+            _ => None,
+        }
+    }
+
+    /// Returns true for units of light that count photons (µmol/s) instead of measuring their energy.
+    pub fn counts_photons(self) -> bool {
+        self == Self::MicromolePerSecondSteradianNanometre
+    }
+
     /// Returns the unit of the integral over directions of samples in this unit, such as `mW` for intensities in
     /// mW·sr⁻¹ and `1` for a BSDF times a cosine.
     pub fn over_directions(self) -> &'static str {

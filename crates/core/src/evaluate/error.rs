@@ -1,6 +1,6 @@
 //! Reasons why a material cannot answer a query.
 
-use super::measured::MeasuredShare;
+use super::measured_share::MeasuredShare;
 use crate::compress::DecodeError;
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{AxisError, Domain, Quantity, TensorError};

@@ -306,24 +306,23 @@ impl Geometry {
         }
     }
 
+    /// Measured polar angles of incidence in degrees, in increasing order; empty for triangles.
+    fn incoming_polar(&self) -> &[f64] {
+        match self.layout.incoming.map(|axis| &self.axes[axis]) {
+            Some(Axis::Elevation(angles)) => angles,
+            Some(Axis::Grid(grid)) => grid.polar(),
+            _ => &[],
+        }
+    }
+
     /// Returns true if `direction` is further from the normal than the last measured polar angle of incidence.
     pub(super) fn is_past_last(&self, direction: Direction) -> bool {
-        let last = match self.layout.incoming.map(|axis| &self.axes[axis]) {
-            Some(Axis::Elevation(angles)) => angles.last(),
-            Some(Axis::Grid(grid)) => grid.polar().last(),
-            _ => None,
-        };
-        last.is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
+        self.incoming_polar().last().is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
     }
 
     /// Returns true if `direction` is nearer to the normal than the first measured polar angle of incidence.
     pub(super) fn is_before_first(&self, direction: Direction) -> bool {
-        let first = match self.layout.incoming.map(|axis| &self.axes[axis]) {
-            Some(Axis::Elevation(angles)) => angles.first(),
-            Some(Axis::Grid(grid)) => grid.polar().first(),
-            _ => None,
-        };
-        first.is_some_and(|&first| direction.theta_degrees() < first - ROUNDING)
+        self.incoming_polar().first().is_some_and(|&first| direction.theta_degrees() < first - ROUNDING)
     }
 
     /// Returns true if the outgoing `direction` is beyond the first or last polar angle at which a grid was measured,

@@ -8,10 +8,10 @@ use super::form::{Course, Form};
 use super::function::Function;
 use super::geometry::Geometry;
 use super::incoming::Alignment;
+use super::known_directions::FilledCells;
 use super::lobed::Lobed;
 use super::lookup::MeshLookup;
-use super::measured::MeasuredShare;
-use super::measuring::FilledCells;
+use super::measured_share::MeasuredShare;
 use super::place::{Beyond, Interpolation, Place};
 use super::planes::Planes;
 use super::report::OpenedReport;
@@ -47,7 +47,7 @@ pub struct Material {
     body: Body,
     summary: Option<Summary>,
     /// Measured share of the outgoing directions; `None` for data without outgoing directions.
-    pub(super) measured: Option<MeasuredShare>,
+    measured: Option<MeasuredShare>,
 }
 
 /// Radiometric function of direction and wavelength, built from the samples of a material.
@@ -61,9 +61,18 @@ enum Body {
         stated: Box<Stated>,
         /// Averages of the function over triangles of directions, built on first use.
         cells: OnceLock<Result<Box<Material>, EvaluateError>>,
+        /// Averages of the mean over wavelengths, from which directions are drawn. A table for each wavelength
+        /// would take a second and many megabytes for a lamp of some thousand wavelengths.
+        means: OnceLock<Result<Box<Material>, EvaluateError>>,
         /// Directional albedos under the grid's own incoming directions, computed on first use.
         albedos: OnceLock<Albedos>,
     },
+}
+
+impl Body {
+    fn on_grid(stated: Box<Stated>) -> Self {
+        Self::Grid { stated, cells: OnceLock::new(), means: OnceLock::new(), albedos: OnceLock::new() }
+    }
 }
 
 /// Function of direction and wavelength given by samples that belong to triangles of directions, with its sampling
@@ -126,7 +135,7 @@ impl Material {
         let measured = MeasuredShare::of(&measurement, filled);
         let body = if geometry.is_grid() {
             let stated = Box::new(Stated::new(&measurement, geometry, course));
-            Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() }
+            Body::on_grid(stated)
         } else {
             let albedos = Albedos::new(&measurement, &geometry);
             let function = Function::new(measurement, geometry, course);
@@ -145,7 +154,7 @@ impl Material {
             Body::Cells(_) => body,
             Body::Grid { stated, .. } => {
                 let stated = Box::new(stated.with_straight(share.clamp(0.0, 1.0)));
-                Body::Grid { stated, cells: OnceLock::new(), albedos: OnceLock::new() }
+                Body::on_grid(stated)
             }
         };
         Self { body, summary, measured }
@@ -164,20 +173,31 @@ impl Material {
     }
 
     /// Returns this material if its samples belong to triangles. For samples on a grid of angles, returns their
-    /// averages over triangles, the basis of sampling and integration, which are built on first use.
+    /// averages over triangles, the basis of integration and of sampling by one wavelength, which are built on first
+    /// use.
     #[doc(hidden)]
     pub fn over_triangles(&self) -> Result<&Self, EvaluateError> {
         match &self.body {
             Body::Cells(_) => Ok(self),
             Body::Grid { stated, cells, .. } => {
-                let made = cells.get_or_init(|| {
-                    let (alignment, between) = (Some(stated.lines().alignment()), stated.lines().between());
-                    Self::on_course(stated.cell_averages()?, Course { alignment, between }, &FilledCells::default())
-                        .map(Box::new)
-                });
-                made.as_deref().map_err(Clone::clone)
+                cells.get_or_init(|| Self::averaged(stated)).as_deref().map_err(Clone::clone)
             }
         }
+    }
+
+    /// Returns the material over triangles from which directions are drawn by the mean over wavelengths.
+    #[inline]
+    fn mean_over_triangles(&self) -> Result<&Self, EvaluateError> {
+        match &self.body {
+            Body::Grid { stated, means, .. } if stated.geometry().lambdas() > 1 => {
+                means.get_or_init(|| Self::averaged(&stated.mean()?)).as_deref().map_err(Clone::clone)
+            }
+            _ => self.over_triangles(),
+        }
+    }
+
+    fn averaged(stated: &Stated) -> Result<Box<Self>, EvaluateError> {
+        Self::on_course(stated.cell_averages()?, stated.course(), &FilledCells::default()).map(Box::new)
     }
 
     /// Function interpolated between samples on a grid of angles; `None` if samples belong to triangles.
@@ -268,8 +288,8 @@ impl Material {
         self.measured
     }
 
-    /// Fails if less than 80 % of the outgoing directions were measured. `asked` names in the error what needs
-    /// all.
+    /// Fails if less than 80 % of the outgoing directions were measured. `asked` is the result, in words, that the
+    /// error names.
     #[inline]
     pub fn needs_whole(&self, asked: &'static str) -> Result<(), EvaluateError> {
         self.measured.map_or(Ok(()), |measured| measured.needs_whole(asked))
@@ -293,10 +313,10 @@ impl Material {
     pub fn memory(&self) -> usize {
         let body = match &self.body {
             Body::Cells(cells) => cells.memory(),
-            Body::Grid { stated, cells, albedos } => {
+            Body::Grid { stated, cells, means, albedos } => {
                 let albedos = albedos.get().map_or(0, Albedos::memory);
-                let cells = cells.get().and_then(|cells| cells.as_ref().ok()).map_or(0, |cells| cells.memory());
-                size_of::<Stated>() + stated.memory() + cells + albedos
+                let built = [cells, means].into_iter().filter_map(|made| made.get()?.as_ref().ok());
+                size_of::<Stated>() + stated.memory() + built.map(|made| made.memory()).sum::<usize>() + albedos
             }
         };
         size_of::<Self>() + body
@@ -420,7 +440,7 @@ impl Material {
         let (sampler, options) = (self.sampler()?, options.into());
         match self.stated() {
             None => sampler.sample(index, wi, u, options),
-            Some(stated) => sampler.sample_of(stated, index, wi, u, options),
+            Some(stated) => sampler.sample_of((stated, None), index, wi, u, options),
         }
     }
 
@@ -520,7 +540,7 @@ impl Material {
     /// Builds a sampler whose density follows the values at one wavelength in nm, linear between the samples of the
     /// spectra. Fails outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
-        let (cells, lookup) = self.sampled()?;
+        let (cells, lookup) = self.sampled(Self::over_triangles)?;
         let function = (&cells.function, cells.lobe.as_deref());
         WavelengthSampler::at(function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
@@ -528,20 +548,20 @@ impl Material {
     /// Sampler whose density follows the mean over wavelengths; its trees are built on first use.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
-        let (cells, lookup) = self.sampled()?;
+        let (cells, lookup) = self.sampled(Self::mean_over_triangles)?;
         let lobe = cells.lobe.as_deref().map(|lobe| (lobe, lobe.mean_colour()));
         Ok(Sampler::new(&cells.function, lobe, cells.mean_trees(lookup)))
     }
 
-    /// Samples over triangles from which directions are drawn, and the lookup of their outgoing mesh.
+    /// Samples over triangles from which directions are drawn, and the lookup of their outgoing mesh. `averaged`
+    /// returns the material over triangles that stands for samples on a grid of angles.
     #[inline]
-    fn sampled(&self) -> Result<(&Cells, &Arc<MeshLookup>), EvaluateError> {
+    fn sampled<'a>(
+        &'a self,
+        averaged: fn(&'a Self) -> Result<&'a Self, EvaluateError>,
+    ) -> Result<(&'a Cells, &'a Arc<MeshLookup>), EvaluateError> {
         self.needs_whole("sample and no density (pdf)")?;
-        let cells = match &self.body {
-            Body::Cells(cells) => Some(cells),
-            Body::Grid { .. } => self.over_triangles()?.cells(),
-        };
-        match cells.and_then(|cells| Some((cells, cells.function.geometry().mesh()?))) {
+        match averaged(self)?.cells().and_then(|cells| Some((cells, cells.function.geometry().mesh()?))) {
             Some(found) => Ok(found),
             None => unfit(QueryError::NoOutgoing { need: Need::Sampling, quantity: self.quantity() }),
         }

@@ -59,14 +59,14 @@ mod grid;
 mod incoming;
 mod integrals;
 mod kernel;
+mod known_directions;
 mod level_errors;
 mod lines;
 mod lobed;
 mod located;
 mod lookup;
 mod material;
-mod measured;
-mod measuring;
+mod measured_share;
 mod mixed;
 mod mixture;
 mod photometry;
@@ -95,10 +95,10 @@ pub use chosen::{Chosen, ChosenSample, Drawings};
 pub use directions::{Directions, Pairs};
 pub use error::{Argument, Buffer, EvaluateError, Need, QueryError};
 pub use incoming::Alignment;
+pub use known_directions::measured_share;
 pub use level_errors::state_levels;
 pub use material::Material;
-pub use measured::{MeasuredExtent, MeasuredShare};
-pub use measuring::measured_share;
+pub use measured_share::{MeasuredExtent, MeasuredShare};
 pub use photometry::{JOULES_PER_MICROMOLE, Photometry, luminaire_direction};
 pub use place::{BEYOND, Beyond, INTERPOLATION, Interpolation, Place};
 pub use report::OpenedReport;
@@ -114,7 +114,7 @@ mod batch_tests;
 #[cfg(test)]
 mod lobed_tests;
 #[cfg(test)]
-mod measured_tests;
+mod measured_share_tests;
 #[cfg(test)]
 mod mixture_tests;
 #[cfg(test)]

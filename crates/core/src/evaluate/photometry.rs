@@ -35,17 +35,10 @@ impl Photometry {
             Some(Axis::Wavelength(grid)) => grid,
             Some(_) => return None,
         };
-        let watts = match unit {
-            Unit::WattPerSteradianNanometre | Unit::MicromolePerSecondSteradianNanometre => Some(1.0),
-            Unit::MilliwattPerSteradianNanometre => Some(1e-3),
-            Unit::MicrowattPerSteradianNanometre => Some(1e-6),
-            _ => None,
-        };
-        let (Some(watts), Ok(tristimulus)) = (watts, Tristimulus::emission(grid)) else {
+        let (Some(watts), Ok(tristimulus)) = (unit.watts(), Tristimulus::emission(grid)) else {
             return Self::total(unit, grid);
         };
-        let photons = unit == Unit::MicromolePerSecondSteradianNanometre;
-        let energy = |lambda: f64| if photons { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
+        let energy = |lambda: f64| if unit.counts_photons() { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
         let weights = tristimulus.weights().iter().zip(grid.values()).map(|(w, l)| watts * energy(l) * w[1]).collect();
         Some(Self { weights, unit: Unit::Candela })
     }
@@ -63,14 +56,18 @@ impl Photometry {
         matches!(self.unit, Unit::Candela | Unit::CandelaPerKilolumen)
     }
 
+    /// Returns the intensity of a spectrum: NaN if a sample is masked.
+    pub fn intensity(&self, spectrum: &[f32]) -> f64 {
+        spectrum.iter().zip(&self.weights).map(|(&s, weight)| f64::from(s) * weight).sum()
+    }
+
     /// Returns the intensities of samples `[direction, wavelength]`, one for each direction. A direction with a masked
     /// sample has NaN.
     ///
     /// # Panics
     /// If there are no weights.
     pub fn intensities(&self, samples: &[f32]) -> Vec<f64> {
-        let sum = |spectrum: &[f32]| spectrum.iter().zip(&self.weights).map(|(&s, weight)| f64::from(s) * weight).sum();
-        samples.chunks_exact(self.weights.len()).map(sum).collect()
+        samples.chunks_exact(self.weights.len()).map(|spectrum| self.intensity(spectrum)).collect()
     }
 }
 

@@ -118,10 +118,11 @@ impl<'a> Sampler<'a> {
     }
 
     /// Like [`Sampler::sample`], for samples on a grid of angles. Directions are drawn by averages over triangles; the
-    /// weight uses the function interpolated on the grid.
+    /// weight uses the function interpolated on the grid, with the spectral weights beside it or the mean over
+    /// wavelengths.
     pub(super) fn sample_of(
         &self,
-        stated: &Stated,
+        (stated, weights): (&Stated, Option<&[f32]>),
         index: &[usize],
         wi: Option<Direction>,
         u: [f64; 2],
@@ -129,9 +130,9 @@ impl<'a> Sampler<'a> {
     ) -> Result<Option<DirectionSample>, EvaluateError> {
         let turning = stated.turning(wi);
         let wi = if turning.is_some() { Some(Turning::up()) } else { wi };
-        let drawn = self.drawn_with(index, wi, u, options, |place, how, _, _| {
-            stated.weighted_known(place, how, self.trees.weights())
-        })?;
+        let value =
+            |place: Place<'_>, how, _: Option<usize>, _: Option<usize>| stated.weighted_known(place, how, weights);
+        let drawn = self.drawn_with(index, wi, u, options, value)?;
         let quantity = self.function.geometry().quantity();
         Ok(drawn.map(|(direction, pdf, value)| {
             let direction = turning.map_or(direction, |turning| turning.outward(direction));
@@ -153,7 +154,7 @@ impl<'a> Sampler<'a> {
         pairs.wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, count))?;
         Buffer::Samples.check(out.len(), count)?;
         for (i, (out, &u)) in out.iter_mut().zip(u).enumerate() {
-            *out = self.sample_of(stated, pairs.index, pairs.wi_at(i)?, u, options)?;
+            *out = self.sample_of((stated, None), pairs.index, pairs.wi_at(i)?, u, options)?;
         }
         Ok(())
     }

@@ -160,3 +160,10 @@ pub(super) fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
     }
     if weight > 0.0 { sum * all / weight } else { 0.0 }
 }
+
+/// Mean of the values that are not masked (NaN); NaN if all are masked.
+pub(super) fn known_mean(values: impl Iterator<Item = f32>) -> f32 {
+    let known = values.filter(|value| !value.is_nan());
+    let (sum, count) = known.fold((0.0_f64, 0_u32), |(sum, count), value| (sum + f64::from(value), count + 1));
+    (sum / f64::from(count)) as f32
+}

@@ -6,9 +6,9 @@ use super::form::Course;
 use super::geometry::{Geometry, in_plane};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lines::{Found, Incoming, Lines};
-use super::measured::{has_no_azimuths, has_planes, is_on_mirror_side};
+use super::measured_share::{has_no_azimuths, has_planes, is_on_mirror_side};
 use super::place::{Beyond, Interpolation, Place};
-use super::samples::known_sum;
+use super::samples::{known_mean, known_sum};
 use super::spectrum::between;
 use super::turning::Turning;
 use crate::domain::vector::{Vector, cross, dot, norm, turned};
@@ -159,11 +159,7 @@ impl Stated {
             if self.lines.smooth_spectrum(entry, wi, wo, out).is_none() {
                 return self.geometry.refuse_incoming(place.wi);
             }
-            if self.is_outside(wo) {
-                out.fill(0.0);
-            } else if self.is_beside_plane(wi, wo) {
-                out.fill(f32::NAN);
-            }
+            self.hide(wi, wo, out);
             return Ok(());
         }
         match self.found(place, how)? {
@@ -203,16 +199,47 @@ impl Stated {
         Ok(lit.map(|(lambda, w)| w * self.lines.sample(&found, lambda)).sum())
     }
 
-    /// Inner product with `weights`, one for each sample of a spectrum, of the spectrum for a pair of directions.
-    /// Masked samples are skipped and the remaining weights renormalised; 0 if all are masked.
+    /// Inner product with `weights`, one for each sample of a spectrum, of the spectrum for a pair of directions; its
+    /// mean without weights. Masked samples are skipped and the remaining weights renormalised; 0 if all are masked.
     pub(super) fn weighted_known(
         &self,
         place: Place<'_>,
         how: Interpolation,
-        weights: &[f32],
+        weights: Option<&[f32]>,
     ) -> Result<f32, EvaluateError> {
         let Some(found) = self.found(place, how)? else { return Ok(0.0) };
-        Ok(known_sum(weights, &|lambda| self.lines.sample(&found, lambda)))
+        let sample = |lambda| self.lines.sample(&found, lambda);
+        Ok(match weights {
+            Some(weights) => known_sum(weights, &sample),
+            None => {
+                Some(known_mean((0..self.geometry.lambdas()).map(sample))).filter(|mean| !mean.is_nan()).unwrap_or(0.0)
+            }
+        })
+    }
+
+    /// Function of the mean over the wavelengths, of the samples that are not masked.
+    pub(super) fn mean(&self) -> Result<Self, EvaluateError> {
+        let [n_in, ..] = self.geometry.shape();
+        let slices = (0..self.geometry.entries() * n_in).map(|slice| self.slice(slice));
+        let mean = |spectrum: &[f32]| known_mean(spectrum.iter().copied());
+        let samples =
+            slices.flat_map(|slice| slice.chunks_exact(self.geometry.lambdas()).map(mean).collect::<Vec<_>>());
+        let is_kept = |axis: &&Axis| !matches!(axis, Axis::Wavelength(_) | Axis::Rgb);
+        let axes = self.geometry.axes().iter().filter(is_kept).cloned().collect();
+        let tensor = Tensor::new(axes, samples.collect())?;
+        let measurement = Measurement {
+            quantity: self.geometry.quantity(),
+            unit: self.geometry.unit(),
+            sampling: self.geometry.sampling(),
+            tensor,
+        };
+        let geometry = Geometry::new(&measurement)?;
+        Ok(Self::new(&measurement, geometry, self.course()).with_straight(self.lines.straight()))
+    }
+
+    /// Returns the interpolation between incoming directions of the function.
+    pub(super) fn course(&self) -> Course {
+        Course { alignment: Some(self.lines.alignment()), between: self.lines.between() }
     }
 
     /// Writes the spectra for many pairs of directions into `out`, one after the other, from samples on a grid of
@@ -261,13 +288,19 @@ impl Stated {
             return false;
         }
         for (i, out) in out.chunks_exact_mut(self.geometry.lambdas()).enumerate() {
-            if self.is_outside(vector_of(&wo, i)) {
-                out.fill(0.0);
-            } else if self.is_beside_plane(vector_of(&wi, i), vector_of(&wo, i)) {
-                out.fill(f32::NAN);
-            }
+            self.hide(vector_of(&wi, i), vector_of(&wo, i), out);
         }
         true
+    }
+
+    /// Writes 0 where the quantity sends no light, and NaN beside the measured half of the plane of incidence.
+    #[inline]
+    fn hide(&self, wi: Vector, wo: Vector, out: &mut [f32]) {
+        if self.is_outside(wo) {
+            out.fill(0.0);
+        } else if self.is_beside_plane(wi, wo) {
+            out.fill(f32::NAN);
+        }
     }
 
     /// Implements [`super::material::Material::par_spectra`] for samples on a grid of angles.

@@ -450,3 +450,42 @@ fn values_beyond_the_measured_angles_are_extrapolated() {
     let lamp = lamp();
     assert!([90.0, 120.0, 170.0].iter().all(|theta| !lamp.is_extrapolated(None, at(*theta))));
 }
+
+#[test]
+fn directions_are_drawn_from_a_table_of_the_mean_however_many_wavelengths_there_are() {
+    let lamp = |lambdas: usize| {
+        let grid = grid(Frame::TypeC, every(10.0, 19), Some((every(30.0, 12), AzimuthExtent::Circle)));
+        let lambda = Axis::Wavelength(WavelengthGrid::even(400.0, 1.0, lambdas).unwrap());
+        let value = |i: usize| {
+            let up = grid.direction(i / lambdas).cos_theta();
+            let share = (i % lambdas) as f64 / lambdas as f64;
+            // A masked wavelength does not count in the mean.
+            if i % lambdas == 5 { f32::NAN } else { (2.0 - share) as f32 * (1.2 - up) as f32 }
+        };
+        let samples = (0..grid.len() * lambdas).map(value).collect();
+        let tensor = Tensor::new(vec![Axis::Grid(grid.clone()), lambda], samples).unwrap();
+        let unit = Unit::WattPerSteradianNanometre;
+        Material::of(Measurement::new(Quantity::Edf, unit, Sampling::Point, tensor).unwrap()).unwrap()
+    };
+    let built = |material: &Material| {
+        let before = material.memory();
+        material.prepare_sampling().unwrap();
+        material.memory() - before
+    };
+    let (few, many) = (lamp(8), lamp(300));
+    assert_eq!(built(&few), built(&many));
+    let mut spectrum = vec![0.0; 300];
+    for u in [[0.2, 0.3], [0.9, 0.6], [0.5, 0.05]] {
+        let drawn = many.sample(&[], None, u, None::<u8>).unwrap().unwrap();
+        let place = Place { index: &[], wi: None, wo: Some(drawn.direction) };
+        many.evaluate(place, Interpolation::Smooth, &mut spectrum).unwrap();
+        let known: Vec<f64> = spectrum.iter().filter(|value| !value.is_nan()).map(|&value| f64::from(value)).collect();
+        let mean = known.iter().sum::<f64>() / known.len() as f64;
+        assert_eq!(known.len(), 299);
+        assert!((drawn.weight * drawn.pdf / mean - 1.0).abs() < 1e-5, "{drawn:?}");
+        let pdf = many.pdf(&[], None, drawn.direction, None::<u8>).unwrap();
+        assert!((pdf / drawn.pdf - 1.0).abs() < 1e-6, "{pdf} {drawn:?}");
+        let one = many.sampler_at(450.0).unwrap();
+        assert!(one.sample(&[], None, u, None::<u8>).unwrap().unwrap().weight > 0.0);
+    }
+}

@@ -66,7 +66,9 @@ impl<'a> WavelengthSampler<'a> {
     ) -> Result<Option<DirectionSample>, EvaluateError> {
         match self.stated {
             None => self.sampler().sample(index, wi, u, options.into()),
-            Some(stated) => self.sampler().sample_of(stated, index, wi, u, options.into()),
+            Some(stated) => {
+                self.sampler().sample_of((stated, Some(self.trees.weights())), index, wi, u, options.into())
+            }
         }
     }
 

@@ -42,9 +42,10 @@ pub(crate) fn exp_f64(x: f64) -> f64 {
     sum * f64::from_bits(exponent << 52)
 }
 
-/// Exponent of 2 by which the power is larger in between for x below −87, whose exponential may be a denormal, and the
-/// factor that takes it back.
+/// Exponent of 2 by which the power of 2 is made larger for x below −87, where it may be a denormal, which has no
+/// exponent of its own.
 const RAISED_BY: f32 = 64.0;
+/// Factor 2⁻⁶⁴ by which the product of that larger power is multiplied.
 const LOWERING: f32 = 1.0 / 18_446_744_073_709_551_616.0;
 /// Smallest x whose exponential is not rounded to 0, rounded down.
 const LEAST: f32 = -104.0;

@@ -3,7 +3,7 @@
 //! Some wavelength grids are too coarse or too short for a standard colour but cover most of the visible range. Such
 //! spectra are interpolated linearly. Elsewhere (ultraviolet lamps, a single wavelength) the result is grey.
 
-use super::emission::{counts_photons, emits};
+use super::emission::emits;
 use super::viewing::Viewing;
 use crate::domain::colour::{self, ColourError, Tristimulus, Xyz, xyz_to_linear};
 use crate::domain::{Axis, WavelengthGrid};
@@ -49,7 +49,7 @@ impl Channels {
         let light = emits(material.quantity());
         let Some((weights, white, hue)) = weights(grid, light, viewing)? else { return Ok(Self::grey(grid)) };
         let adaptation = Viewing::adaptation(white)?;
-        let photons = counts_photons(material.unit());
+        let photons = material.unit().counts_photons();
         let weights = weights.into_iter().zip(grid.values()).map(|(xyz, lambda)| {
             let energy = if photons { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
             xyz_to_linear(adaptation.apply(xyz)).map(|w| (energy * w) as f32)

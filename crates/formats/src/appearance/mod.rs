@@ -5,5 +5,5 @@ mod emission;
 mod viewing;
 
 pub(crate) use channels::Channels;
-pub(crate) use emission::{counts_photons, emits};
+pub(crate) use emission::emits;
 pub use viewing::Viewing;

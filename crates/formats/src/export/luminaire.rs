@@ -115,7 +115,7 @@ fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, 
         .collect();
     let mut flux = vec![0.0; material.lambdas()];
     material.albedo(&entry(material, options), None, Interpolation::Smooth, &mut flux)?;
-    let flux = flux.iter().zip(&photometry.weights).map(|(&flux, weight)| f64::from(flux) * weight).sum();
+    let flux = photometry.intensity(&flux);
     let sum = |part: fn(&(usize, usize)) -> usize| counts.iter().map(part).sum();
     let lamp = Lamp {
         planes: CPlanes { gamma, c, values },

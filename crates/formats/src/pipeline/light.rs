@@ -31,12 +31,10 @@ pub(super) fn compress(
 ) -> Result<Compressed, CompressError> {
     let compressed = compress::compress_numbers(measurement, stated, settings, progress)?;
     let is_off = is_on_grid(measurement.tensor.axes()) && compressed.light.is_some_and(|light| light.largest > LIGHT);
-    let is_whole = measured_share(measurement, None).is_none_or(|share| share.is_whole());
-    let is_free = is_whole
-        && settings.albedo_error.is_none()
-        && settings.policy == Policy::Rd
-        && settings.target != Target::Lossless;
-    if !(is_off && is_free) {
+    let is_free =
+        settings.albedo_error.is_none() && settings.policy == Policy::Rd && settings.target != Target::Lossless;
+    let is_whole = || measured_share(measurement, None).is_none_or(|share| share.is_whole());
+    if !(is_off && is_free && is_whole()) {
         return Ok(compressed);
     }
     let compressed = compressed.without_samples();

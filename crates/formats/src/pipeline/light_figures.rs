@@ -1,6 +1,6 @@
 //! Figures of the spectra of lights: chromaticity, colour temperature and colour rendering.
 
-use crate::appearance::{counts_photons, emits};
+use crate::appearance::emits;
 use crate::domain::colour::{ColourRendering, ColourTemperature, Observer, Tristimulus};
 use crate::domain::{Axis, Quantity, WavelengthGrid};
 use crate::evaluate::physics::FluxReport;
@@ -47,7 +47,7 @@ pub(super) fn light_figures(
         }
         _ => return Ok(Vec::new()),
     };
-    let photons = counts_photons(material.unit());
+    let photons = material.unit().counts_photons();
     let figures = spectra.into_iter().filter_map(|(index, mut spectrum)| {
         if photons {
             let energies = grid.values().into_iter().map(|lambda| JOULES_PER_MICROMOLE / lambda);

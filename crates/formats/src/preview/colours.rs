@@ -1,7 +1,7 @@
 //! Colours of a material at a pair of directions: XYZ, CIELAB, sRGB, and the colour temperature of lights.
 
 use super::error::{PreviewError, QuestionError, unfit};
-use crate::appearance::{Viewing, counts_photons, emits};
+use crate::appearance::{Viewing, emits};
 use crate::domain::colour::{
     Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
     xyz_of, xyz_to_linear,
@@ -210,7 +210,7 @@ impl<'a> Look<'a> {
             let &[r, g, b] = spectrum else { return None };
             return spectrum.iter().all(|c| !c.is_nan()).then(|| linear_to_xyz([r, g, b].map(f64::from)));
         };
-        let photons = self.emits() && counts_photons(self.material.unit());
+        let photons = self.emits() && self.material.unit().counts_photons();
         if !photons {
             return xyz_of(weights, &self.lambdas, spectrum);
         }
@@ -235,7 +235,7 @@ impl<'a> Look<'a> {
         let sum = xyz.x + xyz.y + xyz.z;
         let is_light = self.emits() && self.weights.is_some();
         let temperature = is_light.then(|| ColourTemperature::of(xyz, self.viewing.functions())).flatten();
-        let watts = watts(self.material.unit()).filter(|_| is_light && self.viewing.is_photometric());
+        let watts = self.material.unit().watts().filter(|_| is_light && self.viewing.is_photometric());
         Colour {
             index,
             label,
@@ -264,17 +264,6 @@ pub(super) fn normal(incoming: &Axis) -> Direction {
             covered.unwrap_or_else(|| grid.direction(0))
         }
         _ => up,
-    }
-}
-
-/// Returns the factor from a unit of spectral intensity to W/sr/nm; `None` for other units. For units of photons it
-/// applies after the conversion of photons to energy.
-fn watts(unit: Unit) -> Option<f64> {
-    match unit {
-        Unit::WattPerSteradianNanometre | Unit::MicromolePerSecondSteradianNanometre => Some(1.0),
-        Unit::MilliwattPerSteradianNanometre => Some(1e-3),
-        Unit::MicrowattPerSteradianNanometre => Some(1e-6),
-        _ => None,
     }
 }
 

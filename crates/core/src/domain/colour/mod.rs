@@ -6,8 +6,9 @@
 //!   relative to the given white. sRGB expects XYZ under D65; [`Adaptation`] converts from another white.
 //! * Negative samples are summed unchanged, so XYZ may be negative; no formula here clips.
 //!
-//! # Sources CIE 015:2018 *Colorimetry*; CIE 013.3-1995; ASTM E308-18 and E2022; IEC 61966-2-1:1999 with its Amendment
-//! 1. The tables are those of the CIE (see `data/SOURCES.md`).
+//! # Sources
+//! CIE 015:2018 *Colorimetry*; CIE 013.3-1995; ASTM E308-18 and E2022; IEC 61966-2-1:1999, amended. The tables are
+//! those of the CIE (see `data/SOURCES.md`).
 
 mod adaptation;
 mod coverage;

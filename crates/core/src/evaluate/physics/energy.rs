@@ -6,7 +6,7 @@ use crate::domain::{Domain, ErrorReport, Quantity};
 use crate::evaluate::albedo::{Side, is_above};
 use crate::evaluate::error::{EvaluateError, Need};
 use crate::evaluate::material::Material;
-use crate::evaluate::measured::MeasuredShare;
+use crate::evaluate::measured_share::MeasuredShare;
 use crate::evaluate::stated::{Stated, domain_of};
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -124,6 +124,10 @@ impl Material {
         }
         if self.stated().is_some_and(Stated::has_albedo) {
             report.albedo = Some(self.albedo_report());
+            return Ok(report);
+        }
+        if quantity == Quantity::Edf && self.outgoing_grid().is_some() {
+            report.flux = Some(self.fluxes());
             return Ok(report);
         }
         let cells = self.over_triangles()?;

@@ -5,6 +5,7 @@ use crate::domain::colour::Tristimulus;
 use crate::domain::{Unit, WavelengthGrid};
 use crate::evaluate::albedo::{Side, write_integrals};
 use crate::evaluate::material::Material;
+use crate::evaluate::photometry::Photometry;
 use serde::Serialize;
 
 /// Flux of an emission for one combination of indices (positions on the axes before the directions).
@@ -32,17 +33,24 @@ pub struct FluxReport {
 
 impl Material {
     pub(super) fn fluxes(&self) -> Vec<FluxReport> {
-        (0..self.geometry().entries()).map(|entry| self.flux(entry, &self.flux_row(entry))).collect()
+        let (photometry, weights) = (self.photometry(), self.flux_weights());
+        let flux = |entry| self.flux(entry, &self.flux_row(entry, weights.as_deref()), photometry.as_ref());
+        (0..self.geometry().entries()).map(flux).collect()
+    }
+
+    /// Solid angles of the angles of a grid; `None` for triangles.
+    pub(super) fn flux_weights(&self) -> Option<Vec<f64>> {
+        self.outgoing_grid().map(|grid| weights_of_angles(self.quantity(), grid))
     }
 
     /// Flux over all directions at each wavelength, for one combination of indices; NaN if all directions are masked.
-    /// Between the angles of a grid the intensities are straight lines, as zonal fluxes are computed (CIE 121, IES
-    /// LM-79).
-    pub(super) fn flux_row(&self, entry: usize) -> Vec<f32> {
+    /// Between the angles of a grid, with the solid angles `weights`, the intensities are straight lines, as zonal
+    /// fluxes are computed (CIE 121, IES LM-79).
+    pub(super) fn flux_row(&self, entry: usize, weights: Option<&[f64]>) -> Vec<f32> {
         let lambdas = self.lambdas();
-        if let Some(grid) = self.outgoing_grid() {
+        if let Some(weights) = weights {
             let mut row = vec![0.0; lambdas];
-            write_integrals(&self.slice(entry), &weights_of_angles(self.quantity(), grid), &mut row);
+            write_integrals(&self.slice(entry), weights, &mut row);
             return row;
         }
         let cells = self.over_triangles().ok();
@@ -50,7 +58,7 @@ impl Material {
         table.chunks_exact(lambdas).nth(entry).map_or_else(|| vec![f32::NAN; lambdas], <[f32]>::to_vec)
     }
 
-    fn flux(&self, entry: usize, row: &[f32]) -> FluxReport {
+    fn flux(&self, entry: usize, row: &[f32], photometry: Option<&Photometry>) -> FluxReport {
         let (unit, total_unit) = units(self.unit());
         let is_whole = row.iter().all(|v| !v.is_nan());
         let total = match self.geometry().grid() {
@@ -59,7 +67,7 @@ impl Material {
             None if row.len() == 1 => Some(f64::from(row[0])),
             _ => None,
         };
-        let luminous = self.luminous(row, total);
+        let luminous = self.luminous(row, total, photometry);
         FluxReport {
             index: self.index_of(entry),
             spectral: row.iter().map(|v| (!v.is_nan()).then_some(f64::from(*v))).collect(),
@@ -71,27 +79,21 @@ impl Material {
         }
     }
 
-    fn luminous(&self, row: &[f32], total: Option<f64>) -> Result<f64, String> {
+    fn luminous(&self, row: &[f32], total: Option<f64>, photometry: Option<&Photometry>) -> Result<f64, String> {
         let unit = self.unit();
         if matches!(unit, Unit::Candela | Unit::CandelaPerKilolumen) {
             return total.ok_or_else(|| {
                 "the intensity in candela depends on wavelength or is masked in every direction".to_owned()
             });
         }
-        let is_power = matches!(
-            unit,
-            Unit::WattPerSteradianNanometre
-                | Unit::MilliwattPerSteradianNanometre
-                | Unit::MicrowattPerSteradianNanometre
-                | Unit::MicromolePerSecondSteradianNanometre
-        );
-        if !is_power {
+        if unit.watts().is_none() {
             return Err(format!("the unit is {unit}, expected an intensity in cd, cd/klm or W/(sr nm)"));
         }
         let grid = self.geometry().grid().ok_or_else(|| "the intensity has no wavelengths".to_owned())?;
-        Tristimulus::emission(grid).map_err(|error| error.to_string())?;
-        let weights = self.photometry().map(|photometry| photometry.weights).unwrap_or_default();
-        let luminous: f64 = weights.iter().zip(row).map(|(weight, &flux)| weight * f64::from(flux)).sum();
+        let Some(photometry) = photometry.filter(|photometry| photometry.is_luminous()) else {
+            return Err(Tristimulus::emission(grid).err().map_or_else(String::new, |error| error.to_string()));
+        };
+        let luminous = photometry.intensity(row);
         if luminous.is_nan() {
             Err("the intensity at a wavelength is masked in every direction".to_owned())
         } else {
@@ -106,18 +108,11 @@ fn integral(grid: &WavelengthGrid, row: &[f32]) -> f64 {
 
 /// Returns true if values in this unit are densities over wavelength.
 fn is_density(unit: Unit) -> bool {
-    matches!(
-        unit,
-        Unit::WattPerSteradianNanometre
-            | Unit::MilliwattPerSteradianNanometre
-            | Unit::MicrowattPerSteradianNanometre
-            | Unit::MicromolePerSecondSteradianNanometre
-            | Unit::RelativePerNanometre
-    )
+    unit.watts().is_some() || unit == Unit::RelativePerNanometre
 }
 
 /// Unit of the spectral flux of an intensity in a given unit, and unit of its total over wavelengths.
-pub(super) fn units(unit: Unit) -> (&'static str, &'static str) {
+fn units(unit: Unit) -> (&'static str, &'static str) {
     let spectral = unit.over_directions();
     (spectral, spectral.strip_suffix("/nm").unwrap_or(spectral))
 }

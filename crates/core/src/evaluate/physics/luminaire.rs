@@ -4,10 +4,9 @@
 //! they follow from the numbers of its file. Cells over triangles have no angles: their planes are those of the smooth
 //! function.
 
-use super::flux::units;
 use super::plane::Plane;
 use crate::compress::weights_of_zone;
-use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside, Quantity, Unit};
+use crate::domain::{Azimuths, Direction, DirectionGrid, Frame, Outside, Quantity, Unit};
 use crate::evaluate::material::Material;
 use crate::evaluate::photometry::Photometry;
 use crate::evaluate::place::{Interpolation, Place};
@@ -90,15 +89,18 @@ impl Material {
     /// for spectra that make no intensity ([`Material::photometry`]).
     pub fn luminaire(&self) -> Vec<LuminaireReport> {
         match self.photometry() {
-            Some(photometry) => (0..self.geometry().entries()).map(|entry| self.figures(entry, &photometry)).collect(),
+            Some(photometry) => {
+                let weights = self.flux_weights();
+                let figures = |entry| self.figures(entry, &photometry, weights.as_deref());
+                (0..self.geometry().entries()).map(figures).collect()
+            }
             None => Vec::new(),
         }
     }
 
-    fn figures(&self, entry: usize, photometry: &Photometry) -> LuminaireReport {
-        let row = self.flux_row(entry);
-        let flux: f64 = row.iter().zip(&photometry.weights).map(|(&flux, weight)| f64::from(flux) * weight).sum();
-        let flux = Some(flux).filter(|flux| flux.is_finite());
+    fn figures(&self, entry: usize, photometry: &Photometry, weights: Option<&[f64]>) -> LuminaireReport {
+        let flux = photometry.intensity(&self.flux_row(entry, weights));
+        let flux = Some(flux).filter(|flux| flux.is_finite() && self.needs_light().is_ok());
         let index = self.index_of(entry);
         let (peak, planes, zones) = if let Some(grid) = self.outgoing_grid() {
             let intensities = Intensities { grid, values: &photometry.intensities(&self.slice(entry)) };
@@ -119,7 +121,7 @@ impl Material {
             let peak = largest(centroids.map(|[c, gamma]| IntensityAt { value: smooth(c, gamma), c, gamma }));
             (peak, planes, midpoints(flux, |c, gamma| at(c, gamma, Interpolation::Constant)))
         };
-        let (flux_unit, _) = units(photometry.unit);
+        let flux_unit = photometry.unit.over_directions();
         LuminaireReport { index, unit: photometry.unit, peak, planes: planes.to_vec(), zones, flux, flux_unit }
     }
 
@@ -136,34 +138,37 @@ struct Intensities<'a> {
 }
 
 impl Intensities<'_> {
+    /// Angle gamma of a polar angle of the grid, and the other way round; `None` if the axis of the grid is not
+    /// vertical.
+    fn gamma(&self, polar: f64) -> Option<f64> {
+        match self.grid.frame() {
+            Frame::TypeC => Some(polar),
+            Frame::Surface => Some(180.0 - polar),
+            _ => None,
+        }
+    }
+
     /// Largest intensity of the grid; of equal ones that of the smallest gamma, then the smallest C.
     fn peak(&self) -> Option<IntensityAt> {
         let [_, columns] = self.grid.shape();
         largest(self.values.iter().enumerate().map(|(entry, &value)| {
             let azimuth = self.grid.azimuths().map_or(0.0, |azimuths| azimuths.angles[entry % columns]);
             let polar = self.grid.polar()[entry / columns];
-            let [c, gamma] = match self.grid.frame() {
-                Frame::TypeC => [azimuth, polar],
-                Frame::Surface => [azimuth, 180.0 - polar],
-                frame => frame.direction(polar, azimuth).luminaire_degrees(),
-            };
+            let by_direction = || self.grid.frame().direction(polar, azimuth).luminaire_degrees();
+            let [c, gamma] = self.gamma(polar).map_or_else(by_direction, |gamma| [azimuth, gamma]);
             IntensityAt { value, c: if self.grid.is_pole(entry / columns) { 0.0 } else { c.rem_euclid(360.0) }, gamma }
         }))
     }
 
     /// Intensities of the half plane at the azimuth C, from gamma 0 to 180.
     fn half(&self, c: f64) -> Vec<(f64, f64)> {
-        let (first, last) = match self.grid.frame() {
-            Frame::TypeC => self.grid.covers(),
-            Frame::Surface => (180.0 - self.grid.covers().1, 180.0 - self.grid.covers().0),
+        let (low, high) = self.grid.covers();
+        let (Some(low), Some(high)) = (self.gamma(low), self.gamma(high)) else {
             // Intensities drop between two steps where the grid ends.
-            _ => return even(10 * STEPS, |gamma| self.at(c, gamma)),
+            return even(10 * STEPS, |gamma| self.at(c, gamma));
         };
-        let listed = self.grid.polar().iter();
-        let mut gammas: Vec<f64> = match self.grid.frame() {
-            Frame::Surface => listed.rev().map(|theta| 180.0 - theta).collect(),
-            _ => listed.copied().collect(),
-        };
+        let (first, last) = (low.min(high), low.max(high));
+        let mut gammas: Vec<f64> = self.grid.polar().iter().filter_map(|&polar| self.gamma(polar)).collect();
         gammas.extend([first, last]);
         gammas.sort_by(f64::total_cmp);
         gammas.dedup();
@@ -180,18 +185,14 @@ impl Intensities<'_> {
 
     /// Intensity at the angles C and gamma, linear in both angles of the grid; NaN if a sample around is masked.
     fn at(&self, c: f64, gamma: f64) -> f64 {
-        let own = match self.grid.frame() {
-            Frame::TypeC => [gamma, c],
-            Frame::Surface => [180.0 - gamma, c],
-            frame => frame.angles(Direction::from_luminaire_degrees(c, gamma)),
-        };
+        let by_direction = || self.grid.frame().angles(Direction::from_luminaire_degrees(c, gamma));
+        let own = self.gamma(gamma).map_or_else(by_direction, |polar| [polar, c]);
         let Some([polar, azimuth]) = self.grid.held(own) else { return self.outside() };
-        let columns = match self.grid.azimuths().map(|azimuths| &azimuths.angles[..]) {
+        let columns = match self.grid.azimuths() {
             None => [(0, 1.0), (0, 0.0)],
-            Some(angles) => {
+            Some(Azimuths { angles, extent }) => {
                 let (first, last) = (angles[0], angles.len() - 1);
-                let extent = self.grid.azimuths().map(|azimuths| azimuths.extent);
-                if extent.is_some_and(AzimuthExtent::is_periodic) && azimuth > angles[last] {
+                if extent.is_periodic() && azimuth > angles[last] {
                     let t = (azimuth - angles[last]) / (first + 360.0 - angles[last]);
                     [(last, 1.0 - t), (0, t)]
                 } else {
@@ -217,19 +218,15 @@ impl Intensities<'_> {
     }
 
     fn zones(&self, flux: Option<f64>) -> Vec<ZoneReport> {
-        let is_mirrored = match self.grid.frame() {
-            Frame::TypeC => false,
-            Frame::Surface => true,
-            _ => return midpoints(flux, |c, gamma| self.at(c, gamma)),
-        };
         let zone = |&[from, to]: &[f64; 2]| {
-            let within = if is_mirrored { (180.0 - to, 180.0 - from) } else { (from, to) };
-            let weights = weights_of_zone(Quantity::Edf, self.grid, within);
+            let (a, b) = (self.gamma(from)?, self.gamma(to)?);
+            let weights = weights_of_zone(Quantity::Edf, self.grid, (a.min(b), a.max(b)));
             let measured = weights.iter().zip(self.values).filter(|(_, value)| !value.is_nan());
             let sum: f64 = measured.map(|(weight, value)| weight * value).sum();
-            ZoneReport { from, to, flux: flux.map(|_| sum) }
+            Some(ZoneReport { from, to, flux: flux.map(|_| sum) })
         };
-        ZONES.array_windows().map(zone).collect()
+        let zones: Option<Vec<ZoneReport>> = ZONES.array_windows().map(zone).collect();
+        zones.unwrap_or_else(|| midpoints(flux, |c, gamma| self.at(c, gamma)))
     }
 }
 

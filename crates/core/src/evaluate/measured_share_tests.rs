@@ -3,7 +3,7 @@
 use super::{Beyond, Directions, Interpolation, Material, MeasuredExtent, Pairs, Place, Side, measured_share};
 use crate::domain::{
     Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling,
-    Tensor, TriangleMesh, WavelengthGrid,
+    Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
 
 const BOTH_WAYS: [Interpolation; 2] = [Interpolation::Smooth, Interpolation::Constant];
@@ -177,8 +177,7 @@ fn a_light_is_whole_in_a_hemisphere_or_if_its_format_says_that_it_is_dark_elsewh
     let lamp = |polar: Vec<f64>, outside: Outside| {
         let grid = grid(polar, None).with_outside(outside);
         let tensor = Tensor::new(vec![Axis::Grid(grid.clone())], vec![1.0; grid.len()]).unwrap();
-        let unit = Quantity::Edf.default_unit();
-        Material::of(Measurement::new(Quantity::Edf, unit, Sampling::Point, tensor).unwrap()).unwrap()
+        Material::of(Measurement::new(Quantity::Edf, Unit::Candela, Sampling::Point, tensor).unwrap()).unwrap()
     };
     for (last, outside, is_whole) in [
         (90.0, Outside::Masked, true),
@@ -188,8 +187,13 @@ fn a_light_is_whole_in_a_hemisphere_or_if_its_format_says_that_it_is_dark_elsewh
         (120.0, Outside::Masked, false),
         (180.0, Outside::Masked, true),
     ] {
-        let energy = lamp(every(5.0, last), outside).energy().unwrap();
+        let lamp = lamp(every(5.0, last), outside);
+        let energy = lamp.energy().unwrap();
         assert_eq!((energy.flux.is_some(), energy.reason.is_none()), (is_whole, is_whole), "{last} {outside}");
+        let figures = lamp.luminaire().remove(0);
+        let zones: Vec<bool> = figures.zones.iter().map(|zone| zone.flux.is_some()).collect();
+        assert_eq!((figures.flux.is_some(), zones), (is_whole, vec![is_whole; 6]), "{last} {outside}");
+        assert_eq!(figures.peak.map(|peak| peak.value), Some(1.0), "{last} {outside}");
     }
     let energy = lamp(every(5.0, 60.0), Outside::Masked).energy().unwrap();
     let reason = "no flux: measured in 50 % of the hemisphere, expected 80 % or more in solid angle";

@@ -2,7 +2,7 @@
 
 use super::error::{EvaluateError, QueryError, unfit};
 use super::lines::{Node, azimuth_nodes};
-use super::measured::{MeasuredExtent, MeasuredShare, ON_PLANE, has_planes, is_normal};
+use super::measured_share::{MeasuredExtent, MeasuredShare, ON_PLANE, has_no_azimuths, has_planes};
 use super::stated::domain_of;
 use crate::compress::{EVERYWHERE, polar_weights, weights};
 use crate::domain::{
@@ -11,7 +11,8 @@ use crate::domain::{
 use std::f64::consts::{PI, TAU};
 
 impl MeasuredShare {
-    /// Fails if less than 80 % of the outgoing directions were measured. `asked` names in the error what needs all.
+    /// Fails if less than 80 % of the outgoing directions were measured. `asked` is the result, in
+    /// words, that the error names.
     #[inline]
     pub fn needs_whole(self, asked: &'static str) -> Result<(), EvaluateError> {
         if self.is_whole() { Ok(()) } else { unfit(QueryError::PartlyMeasured { asked, measured: self }) }
@@ -32,8 +33,7 @@ impl MeasuredShare {
                 return Some(Self::whole(quantity, domain_of(quantity)));
             }
             Axis::Grid(grid) => {
-                let is_oblique = layout.incoming.is_some_and(|axis| !is_normal(&axes[axis]));
-                let (around, extent) = around(quantity, grid, is_oblique);
+                let (around, extent) = around(quantity, grid, has_no_azimuths(measurement));
                 let polar = polar_weights(quantity, grid, EVERYWHERE);
                 let weights = polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect();
                 (weights, extent, domain_of(quantity))
@@ -118,6 +118,11 @@ impl Known {
         self.flags.is_empty()
     }
 
+    /// Returns true if an outgoing direction was measured under some incidence.
+    fn is_known(&self, outgoing: usize) -> bool {
+        self.is_all() || self.flags.iter().skip(outgoing).step_by(self.outgoing).any(|known| *known)
+    }
+
     /// Least sum of the weights of measured directions over the incidences under which anything was measured.
     fn least(&self, weights: &[f64]) -> f64 {
         if self.is_all() {
@@ -132,8 +137,8 @@ impl Known {
 
     /// Returns the hemisphere that contains all measured directions of a light, or the sphere.
     fn lit(&self, outgoing: &Axis) -> Domain {
-        let is_known = |entry: usize| self.is_all() || self.flags.iter().skip(entry).step_by(self.outgoing).any(|k| *k);
-        let heights = (0..self.outgoing).filter(|entry| is_known(*entry)).filter_map(|entry| outgoing.direction(entry));
+        let heights =
+            (0..self.outgoing).filter(|&entry| self.is_known(entry)).filter_map(|entry| outgoing.direction(entry));
         let (low, high) = heights.fold((0.0_f64, 0.0_f64), |(low, high), direction| {
             (low.min(direction.cos_theta()), high.max(direction.cos_theta()))
         });
@@ -147,12 +152,13 @@ impl Known {
     /// Arrangement of the measured triangles: in the plane of incidence if that crosses every one of them.
     fn extent(&self, mesh: TriangleMesh) -> MeasuredExtent {
         let (mut is_source, mut is_mirror) = (false, false);
-        for triangle in (0..self.outgoing).filter(|o| self.flags.iter().skip(*o).step_by(self.outgoing).any(|k| *k)) {
-            let heights = mesh.vertices(triangle).map(|[_, y, _]| y);
+        for triangle in (0..self.outgoing).filter(|&triangle| self.is_known(triangle)) {
+            let vertices = mesh.vertices(triangle);
+            let heights = vertices.map(|[_, y, _]| y);
             if heights.iter().all(|y| *y > ON_PLANE) || heights.iter().all(|y| *y < -ON_PLANE) {
                 return MeasuredExtent::Area;
             }
-            let across = mesh.vertices(triangle).iter().map(|[x, ..]| x).sum::<f64>();
+            let across = vertices.iter().map(|[x, ..]| x).sum::<f64>();
             (is_source, is_mirror) = (is_source || across > ON_PLANE, is_mirror || across < -ON_PLANE);
         }
         if is_source && is_mirror { MeasuredExtent::Plane } else { MeasuredExtent::HalfPlane }
@@ -161,14 +167,10 @@ impl Known {
 
 /// Angle in radians for which each azimuth of a grid stands: half of the way to the next azimuth on either side, if
 /// that is at most 90° away and between them is measured. Also returns the arrangement of the azimuths.
-fn around(quantity: Quantity, grid: &DirectionGrid, is_oblique: bool) -> (Vec<f64>, MeasuredExtent) {
+fn around(quantity: Quantity, grid: &DirectionGrid, is_half_plane: bool) -> (Vec<f64>, MeasuredExtent) {
     let has_planes = has_planes(quantity, grid);
     let Some(azimuths) = grid.azimuths() else {
-        return if has_planes && is_oblique {
-            (vec![0.0], MeasuredExtent::HalfPlane)
-        } else {
-            (vec![TAU], MeasuredExtent::Area)
-        };
+        return if is_half_plane { (vec![0.0], MeasuredExtent::HalfPlane) } else { (vec![TAU], MeasuredExtent::Area) };
     };
     let nodes = azimuth_nodes(grid);
     let (low, high) = grid.covers();
