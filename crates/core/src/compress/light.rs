@@ -10,6 +10,7 @@ use crate::codec::Class;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Quantity, TriangleMesh};
 use crate::numeric::wide;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
 
 /// Deviation of the decoded file's light (directional albedo, flux) from the measurement's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -298,7 +299,13 @@ pub(crate) fn polar_weights(quantity: Quantity, grid: &DirectionGrid, within: (f
     weights[0] += part(low, angles[0]).iter().sum::<f64>();
     weights[last] += part(angles[last], high).iter().sum::<f64>();
     for k in 0..last {
-        let [near, far] = part(angles[k], angles[k + 1]);
+        let (a, b) = (angles[k], angles[k + 1]);
+        // Each side of a surface ends at the horizon, as far as which its last value holds.
+        let [near, far] = if quantity.has_cosine() && a <= FRAC_PI_2 && FRAC_PI_2 < b {
+            [part(a, FRAC_PI_2), part(FRAC_PI_2, b)].map(|[near, far]| near + far)
+        } else {
+            part(a, b)
+        };
         weights[k] += near;
         weights[k + 1] += far;
     }
@@ -321,7 +328,7 @@ fn zone(quantity: Quantity, a: f64, b: f64) -> [f64; 2] {
     if b <= a {
         [0.0, 0.0]
     } else if quantity.has_cosine() {
-        // sin θ cos θ = ½ sin 2θ, u = 2θ. A zone across the horizon has almost no weight.
+        // sin θ cos θ = ½ sin 2θ, u = 2θ.
         of_sine(2.0 * a, 2.0 * b).map(|weight| (0.25 * weight).abs())
     } else {
         of_sine(a, b)

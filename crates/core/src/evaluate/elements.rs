@@ -12,6 +12,8 @@ use crate::numeric::number::Number;
 /// Least subdivision level of a triangle mesh at which interpolation patches (triangles with six nodes) are twice as
 /// wide as the mesh's triangles; at coarser levels both are equally wide. Raising it costs memory on fine meshes.
 const HALVED_LEVEL: u8 = 6;
+/// Height below the horizon at which the lower one of two nodes counts, where sides are apart.
+const JUST_BELOW: f64 = 1e-9;
 /// Number of nodes of a quadratic interpolation patch: three corners, then the midpoints of the edges 01, 02 and 12.
 pub(super) const NODES: usize = 6;
 
@@ -41,6 +43,8 @@ impl<const N: usize> Patches<N> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Elements {
     domain: Domain,
+    /// True if nothing is interpolated across the horizon of a sphere.
+    is_parted: bool,
     /// Number of interpolation patches (triangles with six nodes) along an edge of an octant of the sphere.
     patches: u32,
     octant: u32,
@@ -48,12 +52,13 @@ pub(super) struct Elements {
 
 impl Elements {
     /// Regular lattice of triangular patches over the directions of `mesh`, for quadratic interpolation in each patch.
-    /// Patches are as fine as the mesh's triangles; half as fine from subdivision level [`HALVED_LEVEL`] on.
-    pub(super) fn new(mesh: TriangleMesh) -> Self {
+    /// Patches are as fine as the mesh's triangles; half as fine from subdivision level [`HALVED_LEVEL`] on. If
+    /// `is_parted`, the nodes of the lower octants on the horizon count as just below it.
+    pub(super) fn new(mesh: TriangleMesh, is_parted: bool) -> Self {
         let level = if mesh.level() < HALVED_LEVEL { mesh.level() } else { mesh.level() - 1 };
         let patches = 1 << level;
         let side = 2 * patches;
-        Self { domain: mesh.domain(), patches, octant: (side + 1) * (side + 2) / 2 }
+        Self { domain: mesh.domain(), is_parted, patches, octant: (side + 1) * (side + 2) / 2 }
     }
 
     fn octants(self) -> usize {
@@ -75,9 +80,11 @@ impl Elements {
             .flat_map(|which| {
                 let down = self.domain == Domain::Lower || which >= 4;
                 let signs = [which & 1 != 0, which & 2 != 0, down];
+                let is_nudged = self.is_parted && which >= 4;
                 octant.iter().map(move |d| {
                     // Zero stays unsigned, so that equal nodes are equal bit for bit.
-                    [0, 1, 2].map(|k| if signs[k] && d[k] != 0.0 { -d[k] } else { d[k] })
+                    let [x, y, z] = [0, 1, 2].map(|k| if signs[k] && d[k] != 0.0 { -d[k] } else { d[k] });
+                    [x, y, if is_nudged { z.min(-JUST_BELOW) } else { z }]
                 })
             })
             .collect()
@@ -219,7 +226,7 @@ mod tests {
     #[test]
     fn a_node_is_where_its_weight_is_one() {
         for mesh in meshes().filter(|mesh| mesh.level() < 5) {
-            let elements = Elements::new(mesh);
+            let elements = Elements::new(mesh, false);
             let directions = elements.directions();
             assert_eq!(directions.len(), elements.len());
             for d in &directions {
@@ -236,7 +243,7 @@ mod tests {
     fn weights_add_up_and_quadratics_come_out_nearly_whole() {
         let mut random = Pcg64Mcg::seed_from_u64(1);
         for mesh in meshes() {
-            let elements = Elements::new(mesh);
+            let elements = Elements::new(mesh, false);
             let directions = elements.directions();
             let f = |[x, y, z]: Vector| 1.0 + x - 2.0 * y + 0.5 * z + x * y - z * z;
             let values: Vec<f64> = directions.iter().map(|&d| f(d)).collect();
@@ -263,7 +270,7 @@ mod tests {
     fn the_function_is_continuous_over_every_edge() {
         let mut random = Pcg64Mcg::seed_from_u64(2);
         for mesh in meshes().filter(|mesh| mesh.level() < 6) {
-            let elements = Elements::new(mesh);
+            let elements = Elements::new(mesh, false);
             // Arbitrary values at the nodes, equal where nodes coincide.
             let hash = |d: &Vector| (d[0] * 12.9 + d[1] * 78.2 + d[2] * 37.7).sin();
             let values: Vec<f64> = elements.directions().iter().map(hash).collect();

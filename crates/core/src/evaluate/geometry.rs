@@ -8,7 +8,7 @@ use super::lookup::{MeshLookup, Stencil, elevation_stencil};
 use super::place::Place;
 use crate::domain::vector::{self, Vector};
 use crate::domain::{
-    Axis, Direction, DirectionGrid, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid,
+    Axis, Direction, DirectionGrid, Domain, Layout, Measurement, Quantity, Sampling, TriangleMesh, Unit, WavelengthGrid,
 };
 use crate::numeric::bracket::nearest;
 use std::sync::Arc;
@@ -52,8 +52,13 @@ impl Geometry {
     pub(super) fn new(measurement: &Measurement) -> Result<Self, EvaluateError> {
         let layout = measurement.layout()?;
         let axes = measurement.tensor.axes();
+        // The two sides of a surface are functions of their own; a phase function or a luminaire goes on smoothly.
+        let lookup = |mesh: TriangleMesh| {
+            let is_parted = measurement.quantity.has_cosine();
+            Arc::new(if is_parted { MeshLookup::parted(mesh) } else { MeshLookup::new(mesh) })
+        };
         let incoming = match layout.incoming.map(|axis| &axes[axis]) {
-            Some(Axis::Triangles(mesh)) => Incoming::Triangles(Arc::new(MeshLookup::new(*mesh))),
+            Some(Axis::Triangles(mesh)) => Incoming::Triangles(lookup(*mesh)),
             Some(Axis::Elevation(values)) => Incoming::Elevations(values.clone()),
             Some(Axis::Grid(grid)) => Incoming::Grid(grid.clone()),
             _ => Incoming::None,
@@ -64,7 +69,7 @@ impl Geometry {
         };
         let outgoing = match (layout.outgoing.map(|axis| &axes[axis]), &incoming) {
             (Some(Axis::Triangles(mesh)), Incoming::Triangles(same)) if same.mesh() == *mesh => Some(Arc::clone(same)),
-            (Some(Axis::Triangles(mesh)), _) => Some(Arc::new(MeshLookup::new(*mesh))),
+            (Some(Axis::Triangles(mesh)), _) => Some(lookup(*mesh)),
             _ => None,
         };
         let indices: Vec<usize> = axes[..layout.indices].iter().map(Axis::len).collect();

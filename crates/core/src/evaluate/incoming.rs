@@ -18,6 +18,8 @@ const NONE: u32 = u32::MAX;
 /// directions loses weight, and the weight that remains at the horizon.
 const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
+/// Height of a direction that counts as just below the horizon, not as on it.
+const BELOW_HORIZON: f32 = 1e-6;
 /// Squared length of a half vector (sum of two unit vectors) below which it has no direction.
 pub(super) const NO_HALF_VECTOR: f32 = 1e-12;
 /// Squared sine of the polar angle below which a direction counts as having azimuth 0.
@@ -144,7 +146,7 @@ impl Nodes {
         let mut sources = Vec::with_capacity(lookup.vertices());
         for vertex in 0..lookup.vertices() as u32 {
             let position = positions[mesh.len() + vertex as usize];
-            let at_rim = mesh.domain() != Domain::Sphere && position[2].abs() < 1e-9;
+            let at_rim = lookup.ends_at_horizon() && position[2].abs() < 1e-9;
             // No extrapolation at the rim: a vertex there stores the mean of its cells, seen from their mean direction.
             if at_rim || mesh.level() == 0 {
                 let sum =
@@ -472,7 +474,9 @@ pub(super) fn carried_to<T: Number>(
     let side = T::choose(zero.at_most(z), one, T::of(-1.0));
     let height = side * mz;
     let worth = (height * T::of(1.0 / LOW)).larger(worthless).smaller(one);
-    ([mx, my, side * height.larger(zero)], T::choose(is_there, worth, worthless))
+    // Directions that move to the horizon stay on their side of it; the horizon itself is above.
+    let least = T::choose(zero.at_most(z), zero, T::of(BELOW_HORIZON));
+    ([mx, my, side * height.larger(least)], T::choose(is_there, worth, worthless))
 }
 
 /// Cosine and sine of a direction's azimuth; [1, 0] for the normal.

@@ -54,6 +54,8 @@ pub(super) struct MeshLookup {
     up: f64,
     /// Number of the first octant below the horizon on a sphere, else 0.
     below: u32,
+    /// True if the triangles on either side of the horizon share no vertices.
+    is_parted: bool,
     /// Binary logarithm of the number of leaf triangles in an octant.
     shift: u32,
     /// For each triangle that is subdivided, coarsest level first: normals of the three planes that cut off the
@@ -73,7 +75,18 @@ pub(super) struct MeshLookup {
 }
 
 impl MeshLookup {
+    /// Tables of a mesh whose triangles share all their vertices.
     pub(super) fn new(mesh: TriangleMesh) -> Self {
+        Self::with(mesh, false)
+    }
+
+    /// Tables of a mesh in which each side of the horizon has vertices of its own, so that nothing is interpolated
+    /// across the horizon.
+    pub(super) fn parted(mesh: TriangleMesh) -> Self {
+        Self::with(mesh, true)
+    }
+
+    fn with(mesh: TriangleMesh, is_parted: bool) -> Self {
         let mut cuts = Vec::new();
         for level in 0..mesh.level() {
             // The centre child of a node has the midpoints of its edges as vertices: (m12, m02, m01).
@@ -87,7 +100,7 @@ impl MeshLookup {
             cuts.push([0.0; 3]);
         }
         let opposite = octant(mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
-        let (corners, vertices) = corners(mesh);
+        let (corners, vertices) = corners(mesh, is_parted);
         let (starts, around) = rings(&corners, vertices, &mesh.solid_angles());
         let grid = Grid::new(mesh.level(), &cuts);
         let (up, below) = match mesh.domain() {
@@ -95,7 +108,8 @@ impl MeshLookup {
             Domain::Lower => (-1.0, 0),
             Domain::Sphere => (0.0, 4),
         };
-        Self { mesh, up, below, shift: 2 * u32::from(mesh.level()), cuts, opposite, corners, starts, around, grid }
+        let shift = 2 * u32::from(mesh.level());
+        Self { mesh, up, below, is_parted, shift, cuts, opposite, corners, starts, around, grid }
     }
 
     pub(super) fn mesh(&self) -> TriangleMesh {
@@ -121,6 +135,21 @@ impl MeshLookup {
     #[inline(always)]
     pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
         self.descend(d).map(|(triangle, _)| triangle)
+    }
+
+    /// Returns true if nothing is interpolated across the horizon, at which the mesh ends or is parted.
+    pub(super) fn ends_at_horizon(&self) -> bool {
+        self.is_parted || self.up != 0.0
+    }
+
+    /// Returns true if values of a triangle may count at a direction: not across the horizon of a parted mesh.
+    pub(super) fn sees(&self, triangle: u32, [_, _, z]: Vector) -> bool {
+        !self.is_parted || self.up != 0.0 || (triangle >= self.below << self.shift) == (z < 0.0)
+    }
+
+    /// Returns true if the two sides of the horizon of a sphere are apart.
+    pub(super) fn is_parted(&self) -> bool {
+        self.is_parted
     }
 
     /// Returns true if the unit vector `d` is in the domain of the mesh.
@@ -267,9 +296,10 @@ fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
     if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }
 }
 
-/// Vertex numbers of every triangle, and the number of vertices. On the flat octahedron |x| + |y| + |z| = 2^L the
-/// vertices are lattice points, so that shared vertices are found without comparing floats.
-fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
+/// Vertex numbers of every triangle, and the number of vertices; if `is_parted`, those on the horizon have a number for
+/// each side. On the flat octahedron |x| + |y| + |z| = 2^L the vertices are lattice points, so that shared vertices are
+/// found without comparing floats.
+fn corners(mesh: TriangleMesh, is_parted: bool) -> (Vec<[u32; 3]>, usize) {
     type Lattice = [i32; 3];
     let size = 1_i32 << mesh.level();
     let half = |a: Lattice, b: Lattice| [0, 1, 2].map(|k| i32::midpoint(a[k], b[k]));
@@ -293,15 +323,19 @@ fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     let side = (2 * size + 1) as usize;
     let mut numbers = vec![u32::MAX; 2 * side * side];
     let mut count = 0;
-    let mut number = |[x, y, z]: Lattice| {
-        let place = (usize::from(z < 0) * side + (x + size) as usize) * side + (y + size) as usize;
+    let mut number = |[x, y, z]: Lattice, is_below: bool| {
+        let place = (usize::from(z < 0 || is_below) * side + (x + size) as usize) * side + (y + size) as usize;
         if numbers[place] == u32::MAX {
             numbers[place] = count;
             count += 1;
         }
         numbers[place]
     };
-    let corners = triangles.into_iter().map(|triangle| triangle.map(&mut number)).collect();
+    let of = |triangle: [Lattice; 3]| {
+        let is_below = is_parted && triangle.iter().any(|[_, _, z]| *z < 0);
+        triangle.map(|vertex| number(vertex, is_below))
+    };
+    let corners = triangles.into_iter().map(of).collect();
     (corners, count as usize)
 }
 

@@ -112,6 +112,8 @@ pub use wavelength_sampler::WavelengthSampler;
 #[cfg(test)]
 mod batch_tests;
 #[cfg(test)]
+mod horizon_tests;
+#[cfg(test)]
 mod lobed_tests;
 #[cfg(test)]
 mod measured_share_tests;

@@ -68,7 +68,7 @@ impl Cells {
             let turn = dot(a, cross(b, c)).signum();
             [cross(a, b), cross(b, c), cross(c, a)].into_iter().all(|plane| turn * dot(plane, d) > -ON_EDGE)
         };
-        let around = self.neighbours.around(home).iter().copied().filter(|&cell| holds(cell));
+        let around = self.neighbours.around(home).iter().copied().filter(|&cell| holds(cell) && lookup.sees(cell, d));
         std::iter::once(home as u32).chain(around).collect()
     }
 
@@ -101,7 +101,7 @@ impl Cells {
             .collect();
         cells.sort_unstable();
         cells.dedup();
-        cells.retain(|&cell| is_live(cell));
+        cells.retain(|&cell| is_live(cell) && lookup.sees(cell, d));
         let distance = |cell: u32| {
             let [a, b, c] = self.points[cell as usize];
             let centre = unit(add(a, add(b, c)));

@@ -34,15 +34,16 @@ impl Stated {
     /// Builds the function of a measurement on a grid of angles, whose axes are described by `geometry`.
     pub(super) fn new(measurement: &Measurement, geometry: Geometry, course: Course) -> Self {
         let candidates = course.candidates(measurement.quantity);
+        let is_parted = measurement.quantity.has_cosine();
         let incoming = match geometry.layout().incoming.map(|axis| &geometry.axes()[axis]) {
             Some(Axis::Elevation(values)) => Incoming::elevations(values),
-            Some(Axis::Grid(grid)) => Incoming::grid(grid),
+            Some(Axis::Grid(grid)) => Incoming::grid(grid, is_parted),
             _ => Incoming::NONE,
         };
         let domain = domain_of(measurement.quantity);
         let first = candidates.first().copied().unwrap_or_default();
         let (samples, lambdas) = (measurement.tensor.samples(), geometry.lambdas());
-        let outgoing = geometry.outgoing_grid().map(|grid| (grid, has_planes(measurement.quantity, grid)));
+        let outgoing = geometry.outgoing_grid().map(|grid| (grid, has_planes(measurement.quantity, grid), is_parted));
         let mut lines = Lines::new(samples, lambdas, incoming, outgoing, (domain, first));
         if geometry.shape()[0] > 1 && candidates.len() > 1 {
             let has_cosine = measurement.quantity.has_cosine();

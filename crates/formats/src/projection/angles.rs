@@ -12,6 +12,8 @@ const INSIDE: f64 = 1e-6;
 /// Number of azimuths, on the ring that a sample without azimuth represents, at which the sample is compared with
 /// averages over triangles. Raising it makes comparisons finer and slower.
 const RING: usize = 16;
+/// Polar angle in degrees of the horizon of a surface.
+pub(super) const HORIZON: f64 = 90.0;
 
 /// Checks that the polar angles and azimuths of a file form a valid grid.
 pub(super) fn check(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
@@ -112,12 +114,15 @@ pub(super) struct Interpolant<'a> {
     angles: &'a Angles,
     /// Weight of each azimuth of the grid in the mean of the linear interpolant over azimuth; the weights sum to 1.
     azimuth_mean: Vec<f64>,
+    /// True for a surface, whose two sides are functions of their own: each is constant from its outermost angle to the
+    /// horizon.
+    is_parted: bool,
 }
 
 impl<'a> Interpolant<'a> {
-    pub(super) fn new(angles: &'a Angles) -> Self {
+    pub(super) fn new(angles: &'a Angles, is_parted: bool) -> Self {
         let azimuth_mean = angles.phi.as_ref().map_or_else(|| vec![1.0], azimuth_mean);
-        Self { angles, azimuth_mean }
+        Self { angles, azimuth_mean, is_parted }
     }
 
     /// Returns the number of azimuths of the grid. The sample at (theta row, phi column) has index `row · columns +
@@ -155,7 +160,15 @@ impl<'a> Interpolant<'a> {
             None => [(0, 1.0), (0, 0.0)],
             Some(azimuths) => azimuth_columns(azimuths, direction.phi_degrees())?,
         };
-        Some(Stencil { rows: Bracket::held(&self.angles.theta, theta).weights(), columns })
+        Some(Stencil { rows: self.rows(theta).weights(), columns })
+    }
+
+    /// Returns the rows around a polar angle.
+    fn rows(&self, theta: f64) -> Bracket {
+        let angles = &self.angles.theta;
+        let rows = Bracket::held(angles, theta);
+        let is_across = self.is_parted && angles[rows.below] <= HORIZON && angles[rows.above] > HORIZON;
+        if is_across { Bracket { t: f64::from(u8::from(theta > HORIZON)), ..rows } } else { rows }
     }
 }
 
@@ -275,7 +288,7 @@ mod tests {
     }
 
     fn value(angles: &Angles, at: (f64, f64), f: impl Fn(usize, usize) -> f64) -> Option<f64> {
-        let interpolant = Interpolant::new(angles);
+        let interpolant = Interpolant::new(angles, false);
         let stencil = interpolant.at(Direction::from_degrees(at.0, at.1))?;
         let mut sum = 0.0;
         for (r, wr) in stencil.rows {

@@ -50,9 +50,10 @@ struct Cell {
 impl Averages {
     /// Creates the averages over the triangles of `mesh` of the bilinear interpolant on checked `angles`, by the
     /// midpoint rule. Every triangle is split into 4^k parts (see [`divisions`]), whose values at the centroids are
-    /// weighted by solid angle. Parts on the boundary of the covered range are split further.
-    pub(super) fn over_triangles(mesh: TriangleMesh, angles: &Angles, outside: Outside) -> Self {
-        let interpolant = Interpolant::new(angles);
+    /// weighted by solid angle. Parts on the boundary of the covered range are split further. If `is_parted`, nothing
+    /// is interpolated across the horizon.
+    pub(super) fn over_triangles(mesh: TriangleMesh, angles: &Angles, outside: Outside, is_parted: bool) -> Self {
+        let interpolant = Interpolant::new(angles, is_parted);
         let divisions = divisions(mesh, angles);
         let cells: Vec<Cell> = mesh
             .all_vertices()
@@ -304,7 +305,7 @@ mod tests {
     }
 
     fn averages(mesh: TriangleMesh, angles: &Angles, outside: Outside, samples: &[f64]) -> Vec<f64> {
-        let operator = Averages::over_triangles(mesh, angles, outside);
+        let operator = Averages::over_triangles(mesh, angles, outside, false);
         let missing = samples.iter().any(|s| s.is_nan());
         let mut value = [0.0];
         let mut scratch = [0.0];
@@ -331,7 +332,7 @@ mod tests {
     fn weights_and_zeros_fill_every_cell() {
         for (angles, outside) in [(grid(10.0, 30.0, 180.0), Outside::Masked), (grid(7.0, 45.0, 77.0), Outside::Zero)] {
             for level in 0..4 {
-                let operator = Averages::over_triangles(mesh(Domain::Sphere, level), &angles, outside);
+                let operator = Averages::over_triangles(mesh(Domain::Sphere, level), &angles, outside, false);
                 for cell in 0..operator.len() {
                     let weights = &operator.weights[operator.starts[cell]..operator.starts[cell + 1]];
                     let total = weights.iter().sum::<f64>() + operator.zeros[cell];

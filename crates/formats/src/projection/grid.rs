@@ -54,8 +54,8 @@ pub(super) fn project(
 
     let resampling = Resampling {
         outer,
-        incoming: incoming.directions(grid.outside),
-        outgoing: outgoing.directions(grid.outside),
+        incoming: incoming.directions(acquisition.quantity, grid.outside),
+        outgoing: outgoing.directions(acquisition.quantity, grid.outside),
         channels: spectral.channels,
     };
     let samples = resampling.apply(&grid.values, missing > 0);
@@ -183,13 +183,13 @@ impl Side<'_> {
         }
     }
 
-    fn directions(&self, outside: Outside) -> Directions {
+    fn directions(&self, quantity: Quantity, outside: Outside) -> Directions {
         match self {
             Self::Absent => Directions::Kept(1),
             Self::Elevations(angles) => Directions::Kept(angles.theta.len()),
             Self::Triangles(angles, choice) => Directions::Averaged {
                 from: angles::count(angles),
-                averages: Averages::over_triangles(choice.mesh, angles, outside),
+                averages: Averages::over_triangles(choice.mesh, angles, outside, quantity.has_cosine()),
             },
         }
     }

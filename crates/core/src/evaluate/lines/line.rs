@@ -11,6 +11,8 @@ const MOST_BINS: usize = 1 << 16;
 const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
+/// Degrees beyond a border within which an angle still counts as on it, free of rounding of the direction.
+pub(super) const ON_BORDER: f64 = 1e-7;
 
 /// Angle in degrees at which samples are known, with its index on the axis of measured angles. An angle added by mirror
 /// symmetry has the index of the measured angle that it mirrors.
@@ -77,7 +79,17 @@ pub(super) struct Around {
 impl Line {
     /// Builds an axis of angles from at least one measured angle, in strictly increasing order. If the angles cover the
     /// whole circle, another interval leads from the last one on to the first.
-    pub(super) fn new(mut nodes: Vec<Node>, is_circle: bool) -> Self {
+    pub(super) fn new(nodes: Vec<Node>, is_circle: bool) -> Self {
+        Self::with_border(nodes, is_circle, f64::INFINITY)
+    }
+
+    /// Builds an axis of angles like [`Line::new`], on which nothing is interpolated across the angle `border`: the
+    /// samples of the last angle up to the border hold as far as there, those of the first one beyond it from there on.
+    pub(super) fn parted(nodes: Vec<Node>, border: f64) -> Self {
+        Self::with_border(nodes, false, border)
+    }
+
+    fn with_border(mut nodes: Vec<Node>, is_circle: bool, border: f64) -> Self {
         if is_circle {
             let turns = libm::floor((nodes[0].angle + 0.5 * CIRCLE) / CIRCLE);
             for node in &mut nodes {
@@ -86,10 +98,21 @@ impl Line {
         }
         let (first, last) = (nodes[0].angle, nodes[nodes.len() - 1].angle);
         let count = if nodes.len() == 1 || is_circle { nodes.len() } else { nodes.len() - 1 };
-        let intervals: Vec<Interval> = (0..count).map(|below| Interval::new(&nodes, is_circle, below)).collect();
+        let is_across =
+            |below: usize| nodes[below].angle <= border && nodes.get(below + 1).is_some_and(|end| end.angle > border);
+        let mut intervals = Vec::with_capacity(count + 1);
+        for below in 0..count {
+            if is_across(below) {
+                let [start, end] = [nodes[below], nodes[below + 1]];
+                let beyond = end.angle.min(border + ON_BORDER);
+                intervals.extend([Interval::held(start), Interval::held(Node { angle: beyond, ..end })]);
+            } else {
+                intervals.push(Interval::new(&nodes, is_circle, border, below));
+            }
+        }
         let starts: Vec<f64> = intervals.iter().map(|interval| interval.start).chain([f64::INFINITY]).collect();
         let length = if is_circle { CIRCLE } else { last - first };
-        let (bins, per_degree) = bins(&starts[..count], length);
+        let (bins, per_degree) = bins(&starts[..intervals.len()], length);
         Self { first, last, is_circle, per_degree, bins, starts, intervals }
     }
 
@@ -159,21 +182,29 @@ impl Line {
 }
 
 impl Interval {
+    /// Interval from a measured angle on, in which its sample holds.
+    fn held(start: Node) -> Self {
+        Self { start: start.angle, per_degree: 0.0, entries: [start.entry; 4], slopes: [[0.0; 4]; 2] }
+    }
+
     /// Prepares interpolation between measured angle number `below` of an axis, counted from 0, and the next larger
-    /// one.
-    fn new(nodes: &[Node], is_circle: bool, below: usize) -> Self {
-        // Node at a position that may lie beyond the ends: shifted by whole circles, or none.
+    /// one, which lies on the same side of `border`.
+    fn new(nodes: &[Node], is_circle: bool, border: f64, below: usize) -> Self {
+        let is_beyond = |node: &Node| node.angle > border;
+        // Node at a position that may lie beyond the ends: shifted by whole circles, or none. None beyond the border,
+        // either.
         let node = |position: isize| {
             let count = nodes.len() as isize;
             if !is_circle {
-                return usize::try_from(position).ok().and_then(|position| nodes.get(position)).copied();
+                let found = usize::try_from(position).ok().and_then(|position| nodes.get(position)).copied();
+                return found.filter(|found| is_beyond(found) == is_beyond(&nodes[below]));
             }
             let Node { angle, entry } = nodes[position.rem_euclid(count) as usize];
             Some(Node { angle: angle + CIRCLE * position.div_euclid(count) as f64, entry })
         };
         let start = nodes[below];
         if nodes.len() == 1 {
-            return Self { start: start.angle, per_degree: 0.0, entries: [start.entry; 4], slopes: [[0.0; 4]; 2] };
+            return Self::held(start);
         }
         let [before, end, after] = [-1, 1, 2].map(|step| node(below as isize + step));
         let end = end.unwrap_or(start);

@@ -1,7 +1,7 @@
 //! Polar and azimuth lines of a grid of directions: the rows and columns around a direction, over the pole and across
 //! mirror planes.
 
-use super::line::{Along, Line, Node};
+use super::line::{Along, Line, Node, ON_BORDER};
 use crate::domain::vector::Vector;
 use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside, WIDEST_GAP};
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
@@ -11,6 +11,8 @@ use crate::numeric::wide;
 /// image.
 const SAME: f64 = 1e-9;
 
+/// Polar angle in degrees of the horizon of a surface.
+const HORIZON: f64 = 90.0;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
 
@@ -29,6 +31,8 @@ pub(super) struct Sphere {
     /// continued beyond a pole.
     polar: Line,
     azimuth: Line,
+    /// True if the two sides of the horizon are functions of their own, between which nothing is interpolated.
+    is_parted: bool,
     /// True if the grid covers all azimuths, so that each azimuth can be looked up without a check.
     is_round: bool,
     /// Open intervals of azimuths in degrees, between planes of a scan, in which nothing is known.
@@ -77,8 +81,8 @@ impl Patch {
 
 impl Sphere {
     /// Prepares interpolation between the directions of a grid. If `has_planes`, values between azimuths that are more
-    /// than 90° apart are unknown.
-    pub(super) fn new(grid: &DirectionGrid, has_planes: bool) -> Self {
+    /// than 90° apart are unknown. If `is_parted`, nothing is interpolated across the horizon.
+    pub(super) fn new(grid: &DirectionGrid, has_planes: bool, is_parted: bool) -> Self {
         let same = grid.coinciding();
         let merged = same.iter().flatten().copied().collect();
         let mut first_of: Vec<u32> = (0..grid.len() as u32).collect();
@@ -87,11 +91,11 @@ impl Sphere {
                 first_of[entry as usize] = same[0];
             }
         }
-        let (polar, azimuth) = (polar_line(grid), azimuth_line(grid));
+        let (polar, azimuth) = (polar_line(grid, is_parted), azimuth_line(grid));
         let is_gap = |[from, to]: &[f64; 2]| has_planes && grid.azimuths().is_some() && to - from > WIDEST_GAP;
         let gaps: Vec<[f64; 2]> = azimuth.intervals().into_iter().filter(is_gap).collect();
         let is_round = gaps.is_empty() && grid.covers_all_azimuths();
-        Self { polar, azimuth, is_round, gaps, same, merged, first_of, grid: grid.clone() }
+        Self { polar, azimuth, is_parted, is_round, gaps, same, merged, first_of, grid: grid.clone() }
     }
 
     /// Groups of grid directions that coincide.
@@ -143,8 +147,21 @@ impl Sphere {
     /// covers.
     pub(super) fn nearest(&self, direction: Direction) -> Option<Patch> {
         let entry = self.grid.nearest(direction)?;
-        self.off_gaps(self.grid.angles(direction)?)?;
-        Some(Patch::one(entry as u32))
+        let angles = self.grid.angles(direction)?;
+        self.off_gaps(angles)?;
+        Some(Patch::one(self.on_side_of(angles[0], entry) as u32))
+    }
+
+    /// Number of a direction of the grid, or of its neighbour on the side of the horizon on which the polar angle lies.
+    fn on_side_of(&self, polar: f64, entry: usize) -> usize {
+        let [rows, columns] = self.grid.shape();
+        let is_below = |angle: f64| angle > HORIZON + ON_BORDER;
+        let row = entry / columns;
+        match (is_below(polar), is_below(self.grid.polar()[row])) {
+            (true, false) if self.is_parted && row + 1 < rows => entry + columns,
+            (false, true) if self.is_parted && row > 0 => entry - columns,
+            _ => entry,
+        }
     }
 
     /// Samples around a direction; `None` outside the part of the sphere that the grid covers.
@@ -250,7 +267,7 @@ fn angles_of(frame: Frame, upright: &Vectors, [polar, azimuth]: &mut [Block; 2])
 
 /// Axis of the polar angles of a grid of directions, and of their images beyond a pole or the mirrored equator. Each
 /// entry holds the index of the first grid direction at that polar angle, or at the original of an image.
-fn polar_line(grid: &DirectionGrid) -> Line {
+fn polar_line(grid: &DirectionGrid, is_parted: bool) -> Line {
     let (angles, [rows, columns]) = (grid.polar(), grid.shape());
     let place = |row: usize| (row * columns) as u32;
     let mut nodes: Vec<Node> = angles.iter().zip(0..).map(|(&angle, row)| Node { angle, entry: place(row) }).collect();
@@ -268,7 +285,7 @@ fn polar_line(grid: &DirectionGrid) -> Line {
     } else if rows > 1 && angles[0] == low {
         nodes.insert(0, image(low, 1, true));
     }
-    Line::new(nodes, false)
+    if is_parted { Line::parted(nodes, HORIZON) } else { Line::new(nodes, false) }
 }
 
 /// Axis of the azimuths around the whole circle, including mirror images; if the grid covers a sector only, of the
@@ -349,7 +366,7 @@ mod tests {
                 (every(0.0, 90.0, 10.0), AzimuthExtent::Quadrant),
             ] {
                 let grid = grid(frame, &polar, Some((&azimuths, extent)));
-                let sphere = Sphere::new(&grid, false);
+                let sphere = Sphere::new(&grid, false, false);
                 let values: Vec<f64> = (0..grid.len()).map(|i| f(grid.direction(i).xyz())).collect();
                 for (theta, phi) in
                     [(1.0, 33.0), (2.4, 200.0), (47.3, 1.0), (92.0, 359.0), (178.0, 91.0), (60.0, 182.0)]
@@ -374,7 +391,7 @@ mod tests {
             let grid = grid(Frame::TypeB, &polar, Some((&azimuths, AzimuthExtent::Sector)));
             let grid = grid.mirrored().unwrap().covering(0.0, polar[9]).unwrap();
             let f = |[x, y, z]: [f64; 3]| 1.0 + y * y + 0.2 * x - 0.4 * z;
-            let sphere = Sphere::new(&grid, false);
+            let sphere = Sphere::new(&grid, false, false);
             let values: Vec<f64> = (0..grid.len()).map(|i| f(grid.direction(i).xyz())).collect();
             for (latitude, azimuth) in [(1.0, 5.0), (-1.0, 5.0), (-33.0, -72.0), (0.0, 0.0)] {
                 let direction = Frame::TypeB.direction(latitude, azimuth);
@@ -387,11 +404,11 @@ mod tests {
     #[test]
     fn places_stated_several_times_are_one() {
         let closed = grid(Frame::TypeC, &[0.0, 90.0, 180.0], Some((&[0.0, 180.0, 360.0], AzimuthExtent::Closed)));
-        let sphere = Sphere::new(&closed, false);
+        let sphere = Sphere::new(&closed, false, false);
         assert_eq!(sphere.same(), [vec![0, 1, 2], vec![3, 5], vec![6, 7, 8]]);
         assert_eq!([3, 4, 5].map(|entry| sphere.stated(entry)), [12, 4, 13]);
         assert_eq!([3, 4, 5].map(|entry| sphere.first_of(entry)), [3, 4, 3]);
-        let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None), false);
+        let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None), false, false);
         let nearest = plain.nearest(Direction::from_degrees(180.0, 0.0)).unwrap();
         assert_eq!((plain.same().len(), plain.stated(1), nearest.place(1, 1)), (0, 1, 0));
     }

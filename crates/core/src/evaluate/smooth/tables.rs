@@ -41,7 +41,7 @@ impl Smooth {
         has_cosine: bool,
     ) -> Option<Self> {
         let mesh = lookup.mesh();
-        let elements = Elements::new(mesh);
+        let elements = Elements::new(mesh, lookup.is_parted());
         let (all, own) = nodes.counts();
         let outgoing = elements.len();
         let size = [entries, all, outgoing, planes.width()].iter().try_fold(1_usize, |n, &k| n.checked_mul(k))?;

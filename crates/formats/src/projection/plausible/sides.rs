@@ -2,7 +2,7 @@
 
 use crate::domain::{self, Axis, Direction, DirectionGrid, Frame, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
-use crate::projection::angles::{self, Interpolant, check};
+use crate::projection::angles::{self, HORIZON, Interpolant, check};
 use crate::projection::error::Role;
 use crate::projection::planes::has_area;
 use std::borrow::Cow;
@@ -92,7 +92,7 @@ impl<'a> Side<'a> {
             Some(Azimuths { phi, extent: AzimuthExtent::Sector }) => (phi[phi.len() - 1] - phi[0]).to_radians(),
             _ => std::f64::consts::TAU,
         };
-        let interpolant = Interpolant::new(angles);
+        let interpolant = Interpolant::new(angles, true);
         let mean = interpolant.azimuth_mean();
         Some(rings(angles).into_iter().flat_map(|ring| mean.iter().map(move |share| ring * around * share)).collect())
     }
@@ -111,7 +111,7 @@ impl<'a> Side<'a> {
         if theta < first - ROUNDING || theta > last + ROUNDING {
             return None;
         }
-        let interpolant = Interpolant::new(angles);
+        let interpolant = Interpolant::new(angles, true);
         let stencil = interpolant.at(Direction::from_degrees(theta.clamp(first, last), phi))?;
         let columns = interpolant.columns();
         let weight = |row: usize, column: usize| {
@@ -125,7 +125,8 @@ impl<'a> Side<'a> {
 }
 
 /// Returns, for each polar angle, the integral of |cos θ| sin θ dθ times the piecewise linear function that is 1 at
-/// this angle. Beyond the outermost angles the function is constant to the ends of the covered range.
+/// this angle. Beyond the outermost angles the function is constant to the ends of the covered range, and to the
+/// horizon between two sides.
 fn rings(angles: &Angles) -> Vec<f64> {
     let theta = &angles.theta;
     let mut weights = vec![0.0; theta.len()];
@@ -142,8 +143,13 @@ fn rings(angles: &Angles) -> Vec<f64> {
     let last = theta.len() - 1;
     add(angles.covers.0, theta[0], [0, 0]);
     add(theta[last], angles.covers.1, [last, last]);
-    for (i, [a, b]) in theta.array_windows().enumerate() {
-        add(*a, *b, [i, i + 1]);
+    for (i, &[a, b]) in theta.array_windows().enumerate() {
+        if a <= HORIZON && b > HORIZON {
+            add(a, HORIZON, [i, i]);
+            add(HORIZON, b, [i + 1, i + 1]);
+        } else {
+            add(a, b, [i, i + 1]);
+        }
     }
     weights
 }
