@@ -336,7 +336,8 @@ fn auto_keeps_more_noisy_bands_than_there_are_vectors() {
 
 #[test]
 fn incoming_entries_decode_by_themselves() {
-    for m in materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())]) {
+    let some = materials().into_iter().enumerate();
+    for m in some.flat_map(|(number, m)| one_in(2, number % 2, [m.clone(), hurt(m)])) {
         let axes = m.tensor.axes();
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
         if at == 0 {
@@ -466,7 +467,7 @@ fn any_grid_chunk_decodes_or_is_refused() {
         assert_eq!(write_container(&chunks), file.bytes);
         let grid = chunks.iter().position(|(kind, _)| *kind == ChunkKind::Grid).unwrap();
         let mut outcomes = [0, 0];
-        for at in one_in(7, 0, 0..chunks[grid].1.len().min(120)) {
+        for at in one_in(14, 0, 0..chunks[grid].1.len().min(120)) {
             for change in [0x01, 0x80, 0xFF] {
                 let mut changed = chunks.clone();
                 changed[grid].1[at] ^= change;

@@ -4,6 +4,7 @@
 use super::tests::{hurt, measurement, mesh, settings, shapes, wavelengths};
 use super::*;
 use crate::domain::{Axis, Domain, ErrorReport, Quantity, Silent, TriangleMesh};
+use crate::numeric::cases::one_in;
 
 /// Means of the original samples over the triangles of a coarser `level` of the last triangle axis, computed by
 /// definition.
@@ -91,12 +92,12 @@ fn check_levels(m: &Measurement, target: Target) -> usize {
 #[test]
 fn every_level_keeps_its_error_and_its_light() {
     let mut pyramids_of_levels = 0;
-    for m in pyramids() {
-        for target in [Target::ErL2(0.01), Target::MaxRelativeError(0.03)] {
+    for (number, m) in pyramids().into_iter().enumerate() {
+        for target in one_in(2, number % 2, [Target::ErL2(0.01), Target::MaxRelativeError(0.03)]) {
             pyramids_of_levels += usize::from(check_levels(&m, target) > 2);
         }
     }
-    assert!(pyramids_of_levels > 10, "{pyramids_of_levels}");
+    assert!(pyramids_of_levels > 4, "{pyramids_of_levels}");
 }
 
 #[test]
