@@ -161,17 +161,22 @@ impl Catalog {
         .await
     }
 
-    /// Marks a stored object in the catalog as missing or damaged, so that the next upload of the same bytes replaces
-    /// it.
-    pub(crate) async fn suspect(&self, object: &Object) -> Result<(), CatalogError> {
-        let _turn = self.turn().await;
-        sqlx::query("UPDATE blobs SET suspect = 1 WHERE tenant = $3 AND digest = $1 AND generation = $2")
-            .bind(object.digest().to_string())
-            .bind(object.generation().to_owned())
-            .bind(object.tenant().to_string())
-            .execute(&self.pool)
-            .await?;
-        Ok(())
+    /// Marks stored objects in the catalog, in one transaction, as missing or damaged, so that the next upload of the
+    /// same bytes replaces them.
+    pub(crate) async fn suspect(&self, objects: &[Object]) -> Result<(), CatalogError> {
+        self.repeat(|_| async {
+            let mut write = self.write().await?;
+            for object in objects {
+                sqlx::query("UPDATE blobs SET suspect = 1 WHERE tenant = $3 AND digest = $1 AND generation = $2")
+                    .bind(object.digest().to_string())
+                    .bind(object.generation().to_owned())
+                    .bind(object.tenant().to_string())
+                    .execute(&mut *write.transaction)
+                    .await?;
+            }
+            write.commit().await
+        })
+        .await
     }
 
     /// Records in the catalog that the digest of a stored object was just recomputed from its bytes and is right.
@@ -630,7 +635,7 @@ mod tests {
             }
             assert_eq!(catalog.blob(lamp.content).await.unwrap().unwrap().object, first);
             assert!(catalog.knows(&second).await.unwrap(), "the second is to be deleted");
-            catalog.suspect(&first).await.unwrap();
+            catalog.suspect(std::slice::from_ref(&first)).await.unwrap();
             assert!(catalog.blob(lamp.content).await.unwrap().unwrap().suspect);
             catalog.intend(&third, 4, MINUTE).await.unwrap();
             catalog.add_measurement(&lamp, &Claim::Written(third.clone(), 4)).await.unwrap();

@@ -34,6 +34,8 @@ pub(super) const STALE: Duration = Duration::from_hours(24);
 /// Number of files that the backup lacks and that are copied together. Those that are missing in the store, too, wait
 /// once for a second look. Raising it needs more memory, some 500 bytes for each.
 const TOGETHER: usize = 5_000;
+/// Number of missing or damaged files that are marked in one transaction.
+const MARKED: usize = 250;
 
 /// Description of a backup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -267,8 +269,9 @@ impl Archive {
         if !suspects.is_empty() {
             self.belongs().await?;
         }
-        for object in suspects {
-            self.catalog.suspect(&object).await?;
+        // Few at a time: other writers of the catalog wait for each transaction.
+        for some in suspects.chunks(MARKED) {
+            self.catalog.suspect(some).await?;
         }
         Ok(())
     }

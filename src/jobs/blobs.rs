@@ -186,7 +186,7 @@ impl Archive {
         if fault.damage().is_some() {
             self.belongs().await?;
             if !self.catalog.is_read_only() {
-                self.catalog.suspect(&blob.object).await?;
+                self.catalog.suspect(std::slice::from_ref(&blob.object)).await?;
             }
         }
         Err(fault.into())

@@ -254,7 +254,7 @@ impl Soak {
                     if dice.below(200) == 0
                         && let Ok(Some(blob)) = self.archive.catalog.blob(Digest::of(&content(named.content))).await
                     {
-                        self.archive.catalog.suspect(&blob.object).await.unwrap();
+                        self.archive.catalog.suspect(std::slice::from_ref(&blob.object)).await.unwrap();
                         Counts::add(&self.counts.healed, 1);
                     }
                 }
