@@ -210,12 +210,11 @@ impl Stated {
     ) -> Result<f32, EvaluateError> {
         let Some(found) = self.found(place, how)? else { return Ok(0.0) };
         let sample = |lambda| self.lines.sample(&found, lambda);
-        Ok(match weights {
-            Some(weights) => known_sum(weights, &sample),
-            None => {
-                Some(known_mean((0..self.geometry.lambdas()).map(sample))).filter(|mean| !mean.is_nan()).unwrap_or(0.0)
-            }
-        })
+        if let Some(weights) = weights {
+            return Ok(known_sum(weights, &sample));
+        }
+        let mean = known_mean((0..self.geometry.lambdas()).map(sample));
+        Ok(if mean.is_nan() { 0.0 } else { mean })
     }
 
     /// Function of the mean over the wavelengths, of the samples that are not masked.
