@@ -331,7 +331,7 @@ fn directions_on_edges_lie_in_the_triangle_that_is_found() {
     for &domain in Domain::ALL {
         for level in [0, 1, 4] {
             let mesh = TriangleMesh::new(domain, level).unwrap();
-            let lookup = MeshLookup::new(mesh);
+            let lookup = MeshLookup::new(mesh, false);
             for i in 0..216 {
                 let d = [steps[i / 36], steps[i / 6 % 6], steps[i % 6]];
                 let Some(direction) = Direction::new(d[0], d[1], d[2]) else { continue };

@@ -43,7 +43,7 @@ impl<const N: usize> Patches<N> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Elements {
     domain: Domain,
-    /// True if nothing is interpolated across the horizon of a sphere.
+    /// True if the nodes on the horizon of a sphere belong to one side of it each.
     is_parted: bool,
     /// Number of interpolation patches (triangles with six nodes) along an edge of an octant of the sphere.
     patches: u32,
@@ -53,7 +53,8 @@ pub(super) struct Elements {
 impl Elements {
     /// Regular lattice of triangular patches over the directions of `mesh`, for quadratic interpolation in each patch.
     /// Patches are as fine as the mesh's triangles; half as fine from subdivision level [`HALVED_LEVEL`] on. If
-    /// `is_parted`, the nodes of the lower octants on the horizon count as just below it.
+    /// `is_parted`, nothing is interpolated across the horizon of a sphere: nodes on it that belong to octants below
+    /// count as just below it, and so take the values of that side.
     pub(super) fn new(mesh: TriangleMesh, is_parted: bool) -> Self {
         let level = if mesh.level() < HALVED_LEVEL { mesh.level() } else { mesh.level() - 1 };
         let patches = 1 << level;

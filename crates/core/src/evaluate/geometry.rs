@@ -53,10 +53,7 @@ impl Geometry {
         let layout = measurement.layout()?;
         let axes = measurement.tensor.axes();
         // The two sides of a surface are functions of their own; a phase function or a luminaire goes on smoothly.
-        let lookup = |mesh: TriangleMesh| {
-            let is_parted = measurement.quantity.has_cosine();
-            Arc::new(if is_parted { MeshLookup::parted(mesh) } else { MeshLookup::new(mesh) })
-        };
+        let lookup = |mesh: TriangleMesh| Arc::new(MeshLookup::new(mesh, measurement.quantity.has_cosine()));
         let incoming = match layout.incoming.map(|axis| &axes[axis]) {
             Some(Axis::Triangles(mesh)) => Incoming::Triangles(lookup(*mesh)),
             Some(Axis::Elevation(values)) => Incoming::Elevations(values.clone()),

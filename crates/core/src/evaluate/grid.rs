@@ -222,7 +222,7 @@ mod tests {
     /// other domains suffices.
     fn lookups() -> impl Iterator<Item = MeshLookup> {
         let meshes = (0..=8).map(|level| (Domain::Sphere, level)).chain([(Domain::Hemisphere, 4), (Domain::Lower, 4)]);
-        meshes.map(|(domain, level)| MeshLookup::new(TriangleMesh::new(domain, level).unwrap()))
+        meshes.map(|(domain, level)| MeshLookup::new(TriangleMesh::new(domain, level).unwrap(), false))
     }
 
     /// Triangle that contains a vector, found by a search from the base triangle down; `None` outside the domain.

@@ -11,8 +11,8 @@ use crate::domain::{
 use std::f64::consts::{PI, TAU};
 
 impl MeasuredShare {
-    /// Fails if less than 80 % of the outgoing directions were measured. `asked` is the result, in
-    /// words, that the error names.
+    /// Fails if less than 80 % of the outgoing directions were measured. `asked` says in words what was asked for, such
+    /// as `albedo`; the error names it.
     #[inline]
     pub fn needs_whole(self, asked: &'static str) -> Result<(), EvaluateError> {
         if self.is_whole() { Ok(()) } else { unfit(QueryError::PartlyMeasured { asked, measured: self }) }

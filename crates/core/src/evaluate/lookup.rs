@@ -54,7 +54,7 @@ pub(super) struct MeshLookup {
     up: f64,
     /// Number of the first octant below the horizon on a sphere, else 0.
     below: u32,
-    /// True if the triangles on either side of the horizon share no vertices.
+    /// True for a sphere of which the triangles on either side of the horizon share no vertices.
     is_parted: bool,
     /// Binary logarithm of the number of leaf triangles in an octant.
     shift: u32,
@@ -75,18 +75,10 @@ pub(super) struct MeshLookup {
 }
 
 impl MeshLookup {
-    /// Tables of a mesh whose triangles share all their vertices.
-    pub(super) fn new(mesh: TriangleMesh) -> Self {
-        Self::with(mesh, false)
-    }
-
-    /// Tables of a mesh in which each side of the horizon has vertices of its own, so that nothing is interpolated
-    /// across the horizon.
-    pub(super) fn parted(mesh: TriangleMesh) -> Self {
-        Self::with(mesh, true)
-    }
-
-    fn with(mesh: TriangleMesh, is_parted: bool) -> Self {
+    /// Prepares the tables of a mesh. If `is_parted`, each side of the horizon of a sphere has vertices of its own, so
+    /// that nothing is interpolated across it.
+    pub(super) fn new(mesh: TriangleMesh, is_parted: bool) -> Self {
+        let is_parted = is_parted && mesh.domain() == Domain::Sphere;
         let mut cuts = Vec::new();
         for level in 0..mesh.level() {
             // The centre child of a node has the midpoints of its edges as vertices: (m12, m02, m01).
@@ -144,7 +136,7 @@ impl MeshLookup {
 
     /// Returns true if values of a triangle may count at a direction: not across the horizon of a parted mesh.
     pub(super) fn sees(&self, triangle: u32, [_, _, z]: Vector) -> bool {
-        !self.is_parted || self.up != 0.0 || (triangle >= self.below << self.shift) == (z < 0.0)
+        !self.is_parted || (triangle >= self.below << self.shift) == (z < 0.0)
     }
 
     /// Returns true if the two sides of the horizon of a sphere are apart.
@@ -385,7 +377,7 @@ mod tests {
     fn the_tables_find_the_triangle_that_the_mesh_finds() {
         let mut rng = Pcg32::new(1, 1);
         for mesh in meshes() {
-            let lookup = MeshLookup::new(mesh);
+            let lookup = MeshLookup::new(mesh, false);
             for _ in 0..2000 {
                 let d = random_direction(&mut rng);
                 assert_eq!(lookup.locate(d), mesh.locate(d), "{mesh:?} {d:?}");
@@ -399,7 +391,7 @@ mod tests {
     #[test]
     fn vertices_are_shared_as_on_a_closed_surface() {
         for mesh in meshes() {
-            let lookup = MeshLookup::new(mesh);
+            let lookup = MeshLookup::new(mesh, false);
             let (n, vertices) = (mesh.len(), lookup.starts.len() - 1);
             // Euler: V − E + F = 2 on the sphere (E = 3F/2), 1 on a disk with 4·2^L edges on its rim.
             let rim = 4 << mesh.level();
@@ -427,7 +419,7 @@ mod tests {
     fn smooth_weights_are_a_partition_of_unity() {
         let mut rng = Pcg32::new(2, 1);
         for mesh in meshes() {
-            let lookup = MeshLookup::new(mesh);
+            let lookup = MeshLookup::new(mesh, false);
             for _ in 0..500 {
                 let d = random_direction(&mut rng);
                 let Some(stencil) = lookup.stencil(d) else {
@@ -445,7 +437,7 @@ mod tests {
     #[test]
     fn at_a_vertex_the_triangles_around_it_weigh_by_solid_angle() {
         let mesh = TriangleMesh::new(Domain::Hemisphere, 3).unwrap();
-        let lookup = MeshLookup::new(mesh);
+        let lookup = MeshLookup::new(mesh, false);
         let pole = lookup.stencil(Direction::from_degrees(0.0, 0.0)).unwrap();
         let mut found: Vec<_> = pole.entries().collect();
         found.sort_by_key(|entry| entry.0);
@@ -458,7 +450,7 @@ mod tests {
     #[test]
     fn smooth_weights_do_not_jump_across_edges() {
         for mesh in meshes() {
-            let lookup = MeshLookup::new(mesh);
+            let lookup = MeshLookup::new(mesh, false);
             for i in (0..mesh.len()).step_by(3) {
                 let centre = mesh.centroid(i).xyz();
                 let vertices = mesh.vertices(i);

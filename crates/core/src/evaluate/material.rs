@@ -288,8 +288,8 @@ impl Material {
         self.measured
     }
 
-    /// Fails if less than 80 % of the outgoing directions were measured. `asked` is the result, in words, that the
-    /// error names.
+    /// Fails if less than 80 % of the outgoing directions were measured. `asked` says in words what was asked for, such
+    /// as `albedo`; the error names it.
     #[inline]
     pub fn needs_whole(&self, asked: &'static str) -> Result<(), EvaluateError> {
         self.measured.map_or(Ok(()), |measured| measured.needs_whole(asked))

@@ -5,7 +5,7 @@ use super::error::{Buffer, EvaluateError, QueryError, unfit};
 use super::form::Course;
 use super::geometry::{Geometry, in_plane};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
-use super::lines::{Found, Incoming, Lines};
+use super::lines::{Borders, Found, Incoming, Lines};
 use super::measured_share::{has_no_azimuths, has_planes, is_on_mirror_side};
 use super::place::{Beyond, Interpolation, Place};
 use super::samples::{known_mean, known_sum};
@@ -34,19 +34,21 @@ impl Stated {
     /// Builds the function of a measurement on a grid of angles, whose axes are described by `geometry`.
     pub(super) fn new(measurement: &Measurement, geometry: Geometry, course: Course) -> Self {
         let candidates = course.candidates(measurement.quantity);
-        let is_parted = measurement.quantity.has_cosine();
+        let has_cosine = measurement.quantity.has_cosine();
+        let borders = Borders { gaps: false, horizon: has_cosine };
         let incoming = match geometry.layout().incoming.map(|axis| &geometry.axes()[axis]) {
             Some(Axis::Elevation(values)) => Incoming::elevations(values),
-            Some(Axis::Grid(grid)) => Incoming::grid(grid, is_parted),
+            Some(Axis::Grid(grid)) => Incoming::grid(grid, borders),
             _ => Incoming::NONE,
         };
         let domain = domain_of(measurement.quantity);
         let first = candidates.first().copied().unwrap_or_default();
         let (samples, lambdas) = (measurement.tensor.samples(), geometry.lambdas());
-        let outgoing = geometry.outgoing_grid().map(|grid| (grid, has_planes(measurement.quantity, grid), is_parted));
+        let outgoing = geometry
+            .outgoing_grid()
+            .map(|grid| (grid, Borders { gaps: has_planes(measurement.quantity, grid), ..borders }));
         let mut lines = Lines::new(samples, lambdas, incoming, outgoing, (domain, first));
         if geometry.shape()[0] > 1 && candidates.len() > 1 {
-            let has_cosine = measurement.quantity.has_cosine();
             lines.align(geometry.entries(), &candidates, |d| if has_cosine { d[2].abs() } else { 1.0 });
         }
         lines.go(geometry.entries(), &course.between);

@@ -1,4 +1,4 @@
-//! Emitted light: which quantities are lights.
+//! Quantities that describe emitted light.
 
 use crate::domain::Quantity;
 

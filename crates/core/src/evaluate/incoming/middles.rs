@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn quadratics_are_smooth_between_cells_and_nearer_than_straight_lines() {
-        let lookup = Arc::new(MeshLookup::new(TriangleMesh::new(Domain::Hemisphere, 2).unwrap()));
+        let lookup = Arc::new(MeshLookup::new(TriangleMesh::new(Domain::Hemisphere, 2).unwrap(), false));
         let mut nodes = Nodes::triangles(lookup);
         nodes.add_middles();
         let f = |[x, y, z]: Vector| 1.0 + 0.3 * x - y * y + x * z;

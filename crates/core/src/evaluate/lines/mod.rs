@@ -35,7 +35,7 @@ use course::{Course, FoundBetween};
 use line::Line;
 pub(super) use line::Node;
 use part::Sums;
-pub(super) use sphere::azimuth_nodes;
+pub(super) use sphere::{Borders, azimuth_nodes};
 use sphere::{Patch, Sphere};
 use values::{Places, Values};
 
@@ -63,10 +63,9 @@ impl Incoming {
         Self(Kind::Elevations(values.to_vec(), Box::new(Line::new(nodes, false))))
     }
 
-    /// Incoming directions on a grid of polar angles and azimuths. If `is_parted`, nothing is interpolated across the
-    /// horizon.
-    pub(super) fn grid(grid: &DirectionGrid, is_parted: bool) -> Self {
-        Self(Kind::Grid(Box::new(Sphere::new(grid, false, is_parted))))
+    /// Incoming directions on a grid of polar angles and azimuths.
+    pub(super) fn grid(grid: &DirectionGrid, borders: Borders) -> Self {
+        Self(Kind::Grid(Box::new(Sphere::new(grid, borders))))
     }
 
     /// Number of the table that holds the original samples of an incoming direction, before directions that coincide
@@ -147,16 +146,15 @@ impl Found {
 
 impl Lines {
     /// Builds the function of samples `[combination of indices][incoming][outgoing][wavelength]`, with lobes aligned
-    /// between incoming directions by `alignment`. The first flag beside the outgoing grid is true if values between
-    /// azimuths more than 90° apart are unknown, the second if nothing is interpolated across the horizon.
+    /// between incoming directions by `alignment`.
     pub(super) fn new(
         samples: &[f32],
         lambdas: usize,
         incoming: Incoming,
-        outgoing: Option<(&DirectionGrid, bool, bool)>,
+        outgoing: Option<(&DirectionGrid, Borders)>,
         (domain, alignment): (Domain, Alignment),
     ) -> Self {
-        let outgoing = outgoing.map(|(grid, has_planes, is_parted)| Box::new(Sphere::new(grid, has_planes, is_parted)));
+        let outgoing = outgoing.map(|(grid, borders)| Box::new(Sphere::new(grid, borders)));
         let places_in = match &incoming.0 {
             Kind::None => Places { own: 1, same: &[] },
             Kind::Elevations(values, _) => Places { own: values.len(), same: &[] },

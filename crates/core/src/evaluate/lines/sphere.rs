@@ -19,6 +19,15 @@ const CIRCLE: f64 = 360.0;
 /// Flag on rows of a grid that are continued beyond a pole: their directions lie at the opposite azimuth.
 const BEYOND: u32 = 1 << 31;
 
+/// Borders in a grid of directions, across which nothing is interpolated.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::evaluate) struct Borders {
+    /// True if values between azimuths more than 90° apart are unknown, as between the planes of a scan.
+    pub(in crate::evaluate) gaps: bool,
+    /// True if the two sides of the horizon are functions of their own, as those of a surface.
+    pub(in crate::evaluate) horizon: bool,
+}
+
 /// Grid of polar angles and azimuths, continued over the poles and across mirror planes, for interpolation between its
 /// directions.
 ///
@@ -31,8 +40,7 @@ pub(super) struct Sphere {
     /// continued beyond a pole.
     polar: Line,
     azimuth: Line,
-    /// True if the two sides of the horizon are functions of their own, between which nothing is interpolated.
-    is_parted: bool,
+    borders: Borders,
     /// True if the grid covers all azimuths, so that each azimuth can be looked up without a check.
     is_round: bool,
     /// Open intervals of azimuths in degrees, between planes of a scan, in which nothing is known.
@@ -80,9 +88,8 @@ impl Patch {
 }
 
 impl Sphere {
-    /// Prepares interpolation between the directions of a grid. If `has_planes`, values between azimuths that are more
-    /// than 90° apart are unknown. If `is_parted`, nothing is interpolated across the horizon.
-    pub(super) fn new(grid: &DirectionGrid, has_planes: bool, is_parted: bool) -> Self {
+    /// Prepares interpolation between the directions of a grid.
+    pub(super) fn new(grid: &DirectionGrid, borders: Borders) -> Self {
         let same = grid.coinciding();
         let merged = same.iter().flatten().copied().collect();
         let mut first_of: Vec<u32> = (0..grid.len() as u32).collect();
@@ -91,11 +98,11 @@ impl Sphere {
                 first_of[entry as usize] = same[0];
             }
         }
-        let (polar, azimuth) = (polar_line(grid, is_parted), azimuth_line(grid));
-        let is_gap = |[from, to]: &[f64; 2]| has_planes && grid.azimuths().is_some() && to - from > WIDEST_GAP;
+        let (polar, azimuth) = (polar_line(grid, borders.horizon), azimuth_line(grid));
+        let is_gap = |[from, to]: &[f64; 2]| borders.gaps && grid.azimuths().is_some() && to - from > WIDEST_GAP;
         let gaps: Vec<[f64; 2]> = azimuth.intervals().into_iter().filter(is_gap).collect();
         let is_round = gaps.is_empty() && grid.covers_all_azimuths();
-        Self { polar, azimuth, is_parted, is_round, gaps, same, merged, first_of, grid: grid.clone() }
+        Self { polar, azimuth, borders, is_round, gaps, same, merged, first_of, grid: grid.clone() }
     }
 
     /// Groups of grid directions that coincide.
@@ -152,14 +159,15 @@ impl Sphere {
         Some(Patch::one(self.on_side_of(angles[0], entry) as u32))
     }
 
-    /// Number of a direction of the grid, or of its neighbour on the side of the horizon on which the polar angle lies.
+    /// Number of the direction `entry` of the grid if it lies on the same side of the horizon as the angle `polar`, or
+    /// if the horizon is no border; else of its neighbour across the horizon.
     fn on_side_of(&self, polar: f64, entry: usize) -> usize {
         let [rows, columns] = self.grid.shape();
         let is_below = |angle: f64| angle > HORIZON + ON_BORDER;
         let row = entry / columns;
         match (is_below(polar), is_below(self.grid.polar()[row])) {
-            (true, false) if self.is_parted && row + 1 < rows => entry + columns,
-            (false, true) if self.is_parted && row > 0 => entry - columns,
+            (true, false) if self.borders.horizon && row + 1 < rows => entry + columns,
+            (false, true) if self.borders.horizon && row > 0 => entry - columns,
             _ => entry,
         }
     }
@@ -366,7 +374,7 @@ mod tests {
                 (every(0.0, 90.0, 10.0), AzimuthExtent::Quadrant),
             ] {
                 let grid = grid(frame, &polar, Some((&azimuths, extent)));
-                let sphere = Sphere::new(&grid, false, false);
+                let sphere = Sphere::new(&grid, Borders::default());
                 let values: Vec<f64> = (0..grid.len()).map(|i| f(grid.direction(i).xyz())).collect();
                 for (theta, phi) in
                     [(1.0, 33.0), (2.4, 200.0), (47.3, 1.0), (92.0, 359.0), (178.0, 91.0), (60.0, 182.0)]
@@ -391,7 +399,7 @@ mod tests {
             let grid = grid(Frame::TypeB, &polar, Some((&azimuths, AzimuthExtent::Sector)));
             let grid = grid.mirrored().unwrap().covering(0.0, polar[9]).unwrap();
             let f = |[x, y, z]: [f64; 3]| 1.0 + y * y + 0.2 * x - 0.4 * z;
-            let sphere = Sphere::new(&grid, false, false);
+            let sphere = Sphere::new(&grid, Borders::default());
             let values: Vec<f64> = (0..grid.len()).map(|i| f(grid.direction(i).xyz())).collect();
             for (latitude, azimuth) in [(1.0, 5.0), (-1.0, 5.0), (-33.0, -72.0), (0.0, 0.0)] {
                 let direction = Frame::TypeB.direction(latitude, azimuth);
@@ -404,11 +412,11 @@ mod tests {
     #[test]
     fn places_stated_several_times_are_one() {
         let closed = grid(Frame::TypeC, &[0.0, 90.0, 180.0], Some((&[0.0, 180.0, 360.0], AzimuthExtent::Closed)));
-        let sphere = Sphere::new(&closed, false, false);
+        let sphere = Sphere::new(&closed, Borders::default());
         assert_eq!(sphere.same(), [vec![0, 1, 2], vec![3, 5], vec![6, 7, 8]]);
         assert_eq!([3, 4, 5].map(|entry| sphere.stated(entry)), [12, 4, 13]);
         assert_eq!([3, 4, 5].map(|entry| sphere.first_of(entry)), [3, 4, 3]);
-        let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None), false, false);
+        let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None), Borders::default());
         let nearest = plain.nearest(Direction::from_degrees(180.0, 0.0)).unwrap();
         assert_eq!((plain.same().len(), plain.stated(1), nearest.place(1, 1)), (0, 1, 0));
     }

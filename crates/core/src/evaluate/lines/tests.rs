@@ -3,6 +3,9 @@
 use super::*;
 use crate::domain::{AzimuthExtent, Azimuths, Frame, Outside};
 
+/// A grid without borders.
+const OPEN: Borders = Borders { gaps: false, horizon: false };
+
 fn grid(polar: Vec<f64>, azimuths: Option<(Vec<f64>, AzimuthExtent)>) -> DirectionGrid {
     let azimuths = azimuths.map(|(angles, extent)| Azimuths { angles, extent });
     DirectionGrid::new(Frame::Surface, polar, azimuths).unwrap()
@@ -36,8 +39,7 @@ fn at_stated_directions_it_is_the_sample() {
         .collect();
     for alignment in [Alignment::None, Alignment::HalfVector] {
         let incoming = Incoming::elevations(&elevations);
-        let lines =
-            Lines::new(&samples, lambdas, incoming, Some((&outgoing, false, false)), (Domain::Hemisphere, alignment));
+        let lines = Lines::new(&samples, lambdas, incoming, Some((&outgoing, OPEN)), (Domain::Hemisphere, alignment));
         for (i, &theta) in elevations.iter().enumerate() {
             // At the pole there is one value for all azimuths.
             for o in 13..n {
@@ -57,8 +59,7 @@ fn at_stated_directions_it_is_the_sample() {
 fn several_values_of_one_direction_are_their_mean() {
     let outgoing = grid(every(45.0, 3), Some((vec![0.0, 120.0, 240.0, 360.0], AzimuthExtent::Closed)));
     let samples = [1.0, 2.0, 3.0, 6.0, 10.0, 20.0, 30.0, 40.0, 1.0, 1.0, 1.0, 1.0];
-    let lines =
-        Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, false, false)), (Domain::Sphere, Alignment::None));
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, OPEN)), (Domain::Sphere, Alignment::None));
     assert!((at(&lines, up(), up())[0] - 3.0).abs() < 1e-5);
     for phi in [0.0, 360.0, -360.0] {
         assert!((at(&lines, up(), Direction::from_degrees(45.0, phi))[0] - 25.0).abs() < 1e-4);
@@ -70,8 +71,7 @@ fn the_pole_of_a_sector_has_a_value() {
     for azimuths in [vec![10.0, 80.0], vec![200.0]] {
         let outgoing = grid(vec![0.0, 40.0], Some((azimuths.clone(), AzimuthExtent::Sector)));
         let samples = vec![2.0; outgoing.len()];
-        let lines =
-            Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, false, false)), (Domain::Sphere, Alignment::None));
+        let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, OPEN)), (Domain::Sphere, Alignment::None));
         assert!((at(&lines, up(), up())[0] - 2.0).abs() < 1e-5);
         assert!((at(&lines, up(), Direction::from_degrees(40.0, azimuths[0]))[0] - 2.0).abs() < 1e-5);
         assert!(at(&lines, up(), Direction::from_degrees(40.0, 0.0))[0].is_nan());
@@ -83,8 +83,7 @@ fn between_stated_directions_a_lobe_is_followed() {
     let lobe = |d: Vector, k: f64| libm::exp(-k * (1.0 - d[2])) * (1.0 + 0.3 * d[0]);
     let outgoing = grid(every(5.0, 19), Some((every(10.0, 36), AzimuthExtent::Circle)));
     let samples: Vec<f32> = (0..outgoing.len()).map(|o| lobe(outgoing.direction(o).xyz(), 20.0) as f32).collect();
-    let lines =
-        Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, false, false)), (Domain::Hemisphere, Alignment::None));
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, OPEN)), (Domain::Hemisphere, Alignment::None));
     for (theta, phi) in [(1.0, 222.0), (2.5, 5.0), (17.5, 45.0), (42.5, 185.0), (61.0, 359.0)] {
         let d = Direction::from_degrees(theta, phi);
         let (found, expected) = (f64::from(at(&lines, up(), d)[0]), lobe(d.xyz(), 20.0));
@@ -96,8 +95,7 @@ fn between_stated_directions_a_lobe_is_followed() {
 fn a_cliff_is_overshot_by_a_tenth_at_most() {
     let outgoing = grid(every(10.0, 10), None);
     let samples = [1.0, 1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0, 100.0, 100.0];
-    let lines =
-        Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, false, false)), (Domain::Hemisphere, Alignment::None));
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, OPEN)), (Domain::Hemisphere, Alignment::None));
     for step in 0..=900 {
         let found = at(&lines, up(), Direction::from_degrees(f64::from(step) * 0.1, 0.0))[0];
         let room = 100.0_f32.powf(0.1);
@@ -111,13 +109,8 @@ fn a_cliff_is_overshot_by_a_tenth_at_most() {
 fn zeros_masks_and_negatives_keep_their_sign_and_place() {
     let outgoing = grid(every(10.0, 5), None);
     let between = |samples: [f32; 5], theta: f64| {
-        let lines = Lines::new(
-            &samples,
-            1,
-            Incoming::NONE,
-            Some((&outgoing, false, false)),
-            (Domain::Hemisphere, Alignment::None),
-        );
+        let lines =
+            Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, OPEN)), (Domain::Hemisphere, Alignment::None));
         at(&lines, up(), Direction::from_degrees(theta, 0.0))[0]
     };
     // Light fades towards a zero; beside a mask the value is defined up to the mask.
@@ -130,8 +123,7 @@ fn zeros_masks_and_negatives_keep_their_sign_and_place() {
     // Beyond the grid the value is masked or dark.
     assert!(between([4.0; 5], 41.0).is_nan());
     let dark = outgoing.clone().with_outside(Outside::Dark);
-    let lines =
-        Lines::new(&[4.0; 5], 1, Incoming::NONE, Some((&dark, false, false)), (Domain::Hemisphere, Alignment::None));
+    let lines = Lines::new(&[4.0; 5], 1, Incoming::NONE, Some((&dark, OPEN)), (Domain::Hemisphere, Alignment::None));
     assert_eq!(at(&lines, up(), Direction::from_degrees(41.0, 0.0)), [0.0]);
 }
 
@@ -152,7 +144,7 @@ fn between_incoming_directions_a_lobe_moves() {
         .collect();
     let worst = |alignment: Alignment| {
         let incoming = Incoming::elevations(&elevations);
-        let lines = Lines::new(&samples, 1, incoming, Some((&outgoing, false, false)), (Domain::Hemisphere, alignment));
+        let lines = Lines::new(&samples, 1, incoming, Some((&outgoing, OPEN)), (Domain::Hemisphere, alignment));
         let wi = Direction::from_degrees(35.0, 0.0);
         let near = [(35.0, 180.0), (30.0, 170.0), (42.0, 185.0)];
         near.map(|(theta, phi)| {
@@ -173,8 +165,8 @@ fn incoming_directions_on_a_grid_meet_at_the_pole() {
     let samples: Vec<f32> = (0..incoming.len())
         .flat_map(|i| [1.0, 2.0, 3.0].map(|v: f32| v * if i < 4 { i as f32 + 1.0 } else { 10.0 }))
         .collect();
-    let sphere = Incoming::grid(&incoming, false);
-    let lines = Lines::new(&samples, 1, sphere, Some((&outgoing, false, false)), (Domain::Hemisphere, Alignment::None));
+    let sphere = Incoming::grid(&incoming, OPEN);
+    let lines = Lines::new(&samples, 1, sphere, Some((&outgoing, OPEN)), (Domain::Hemisphere, Alignment::None));
     let wo = Direction::from_degrees(30.0, 0.0);
     // The mean of 2, 4, 6 and 8.
     assert!((at(&lines, up(), wo)[0] - 5.0).abs() < 1e-5);
@@ -212,13 +204,8 @@ fn integrals_are_those_of_functions_and_zonal_on_straight_lines() {
                 if is_round && expected != 2.0 {
                     continue;
                 }
-                let lines = Lines::new(
-                    samples,
-                    1,
-                    Incoming::NONE,
-                    Some((&grid, false, false)),
-                    (Domain::Sphere, Alignment::None),
-                );
+                let lines =
+                    Lines::new(samples, 1, Incoming::NONE, Some((&grid, OPEN)), (Domain::Sphere, Alignment::None));
                 let mut found = [0.0];
                 lines.integrate(0, lines.straight(), &mut found);
                 assert!((found[0] / full / expected - 1.0).abs() < 2e-3, "{frame} {} {expected}", found[0] / full);
@@ -229,7 +216,7 @@ fn integrals_are_those_of_functions_and_zonal_on_straight_lines() {
     let gamma = every(22.5, 5);
     let grid = DirectionGrid::new(Frame::TypeC, gamma.clone(), None).unwrap();
     let samples: Vec<f32> = gamma.iter().map(|g| libm::cos(g.to_radians()) as f32).collect();
-    let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&grid, false, false)), (Domain::Sphere, Alignment::None));
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&grid, OPEN)), (Domain::Sphere, Alignment::None));
     let mut found = [0.0];
     lines.integrate(0, 1.0, &mut found);
     let zone = |i: usize| {
@@ -248,8 +235,7 @@ fn straight_lines_are_those_between_samples() {
     let mut samples: Vec<f32> = vec![3.0; 4];
     samples.extend([1.0, 2.0, 4.0, 8.0]);
     samples.extend([f32::NAN; 4]);
-    let lines =
-        Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, false, false)), (Domain::Sphere, Alignment::None));
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some((&outgoing, OPEN)), (Domain::Sphere, Alignment::None));
     let straight = lines.with_straight(1.0);
     let value = |theta: f64, phi: f64| at(&straight, up(), Direction::from_degrees(theta, phi))[0];
     assert!((value(10.0, 45.0) - 1.5).abs() < 1e-5);

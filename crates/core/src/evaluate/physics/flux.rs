@@ -44,8 +44,8 @@ impl Material {
     }
 
     /// Flux over all directions at each wavelength, for one combination of indices; NaN if all directions are masked.
-    /// Between the angles of a grid, with the solid angles `weights`, the intensities are straight lines, as zonal
-    /// fluxes are computed (CIE 121, IES LM-79).
+    /// For a grid, `weights` are the solid angles of its directions, so that intensities are straight lines between its
+    /// angles, as in zonal fluxes (CIE 121, IES LM-79).
     pub(super) fn flux_row(&self, entry: usize, weights: Option<&[f64]>) -> Vec<f32> {
         let lambdas = self.lambdas();
         if let Some(weights) = weights {
@@ -90,10 +90,8 @@ impl Material {
             return Err(format!("the unit is {unit}, expected an intensity in cd, cd/klm or W/(sr nm)"));
         }
         let grid = self.geometry().grid().ok_or_else(|| "the intensity has no wavelengths".to_owned())?;
-        let Some(photometry) = photometry.filter(|photometry| photometry.is_luminous()) else {
-            return Err(Tristimulus::emission(grid).err().map_or_else(String::new, |error| error.to_string()));
-        };
-        let luminous = photometry.intensity(row);
+        Tristimulus::emission(grid).map_err(|error| error.to_string())?;
+        let luminous = photometry.map_or(f64::NAN, |photometry| photometry.intensity(row));
         if luminous.is_nan() {
             Err("the intensity at a wavelength is masked in every direction".to_owned())
         } else {

@@ -106,7 +106,7 @@ impl WarpMesh {
     /// Builds the tables of `mesh` that sampling needs: vertices, solid angles and order of the triangles. Sampling
     /// trees on them weight function values by `measure`.
     pub fn new(mesh: TriangleMesh, measure: Measure) -> Self {
-        Self::over(Arc::new(MeshLookup::new(mesh)), measure)
+        Self::over(Arc::new(MeshLookup::new(mesh, false)), measure)
     }
 
     /// Builds the geometry tables of a triangle mesh, for sampling trees that weight values by `measure`. Uses the
